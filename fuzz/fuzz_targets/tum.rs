@@ -1,5 +1,5 @@
-//! The two lists of a folder in the TUM RGB-D layout and its lens, if there is one, as calibration.txt or as camera.json; empty lines
-//! between them.
+//! The two lists of a folder in the TUM RGB-D layout and its lens, with empty lines between them. The lens,
+//! if there is one, is calibration.txt or camera.json.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {

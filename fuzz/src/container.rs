@@ -1,5 +1,5 @@
-//! The container alone: stream header, packets, frame payloads, index and trailer, as bytes from a pipe, as a file, and as what is
-//! left of a damaged one.
+//! The container alone: stream header, packets, frame payloads, index and trailer. They come as bytes from a
+//! pipe, as a file, and as what is left of a damaged one.
 
 use crate::sealing::with_checksums;
 use isv::raw::format::{

@@ -13,9 +13,9 @@ use std::sync::LazyLock;
 pub(crate) static TWO_THREADS: LazyLock<ThreadPool> =
     LazyLock::new(|| rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("threads can be started"));
 
-/// Decodes a stream with scalar code on one thread from bytes that come together, and in one other way: with a set of vector
-/// instructions, on two threads, or from bytes that come one at a time. Which way is for the bytes to say, so that each costs two
-/// decodings.
+/// Decodes a stream with scalar code on one thread from bytes that come together, and in one other way. That
+/// is with a set of vector instructions, on two threads, or from bytes that come one at a time. The bytes say
+/// which way, so that each input costs two decodings.
 pub fn compare(bytes: &[u8]) {
     let bytes = with_checksums(bytes);
     let sets: Vec<Instructions> = Instructions::available().collect();

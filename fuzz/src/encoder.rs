@@ -1,5 +1,5 @@
-//! Small volumes, encoded: the decoder gets what the encoder says that it gets, neither slices, threads nor instructions change
-//! what they must not, and after a loss blocks that are said to be exact are.
+//! Small volumes, encoded. The decoder gets what the encoder says that it gets. Slices, threads and
+//! instructions change nothing that they must not. After a loss, blocks that are said to be exact are.
 
 use crate::differential::TWO_THREADS;
 use isv::raw::decode::{Decoder, volume_hash};

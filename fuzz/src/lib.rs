@@ -23,8 +23,8 @@ pub use readers::{
     read_materials, read_pipe, read_scans, split,
 };
 
-/// Has all parallel loops of the process run on the thread that calls this: what is done for an input does not depend on what
-/// other threads happen to do, and no input waits for them. To be called once, first.
+/// Has all parallel loops of the process run on the thread that calls this. What is done for an input then
+/// does not depend on what other threads happen to do, and no input waits for them. To be called once, first.
 pub fn on_one_thread() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread();
     pool.build_global().expect("nothing has run in parallel yet");

@@ -1,5 +1,6 @@
-//! Changes of `.isv` streams that keep the rest whole, so that they reach what they are meant for: a payload or a segment whose
-//! lengths around it are made to fit. Most bytes changed at random end at a length.
+//! Changes of `.isv` streams that keep the rest whole, so that they reach what they are meant for. A payload
+//! or a segment is changed, and the lengths around it are made to fit. Most bytes changed at random end at a
+//! length.
 
 use crate::sealing::{payloads, replace_payload, with_checksums};
 use crate::stream::{LIMITS, open};

@@ -23,7 +23,7 @@ enum Symbol {
 
 /// All models, as the crate has them.
 type Models = ([BitModel; MODELS], [IntegerModel; MODELS]);
-/// The same by definition.
+/// Models and integers by definition.
 type Definitions = ([Model; MODELS], [Integer; MODELS]);
 
 /// Bytes: the length of a script (2), the script, and what is to be decoded. The script's symbols are decoded from those bytes, whatever

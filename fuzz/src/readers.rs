@@ -110,8 +110,8 @@ pub fn play_animation(bytes: &[u8]) {
     }
 }
 
-/// Reads the first frames of a folder of depth images: texts that come with an input, and names of images of 8 x 6 pixels that are
-/// sound.
+/// Reads the first frames of a folder of depth images. It has texts that come with an input, and names of
+/// images of 8 x 6 pixels that are sound.
 pub fn read_depth(texts: &[(&str, &[u8])], images: &[&'static str]) {
     let depths = exr::steps(48);
     let sound = |name: &str| match name.ends_with(".png") {

@@ -5,9 +5,10 @@ use std::ops::Range;
 
 /// Bytes of a checksum of a stream, which are the last of whatever has one.
 const CHECKSUM: usize = 4;
-/// Where a packet header states the bytes of its payload.
+/// Place at which a packet header states the bytes of its payload.
 const LENGTH: Range<usize> = 8..12;
-/// Bytes of a block of a tar archive, of which a header is one; and where a header has its size, its checksum, and its mark.
+/// Bytes of a block of a tar archive, of which a header is one. Below are the places of a header's size, its
+/// checksum, and its mark.
 const TAR_BLOCK: usize = 512;
 const TAR_SIZE: Range<usize> = 124..136;
 const TAR_CHECKSUM: Range<usize> = 148..156;

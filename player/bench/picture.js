@@ -4,8 +4,10 @@
 //
 // `docs/images/player.png` is of the demo's figure, beside the same coded again at a lower quality:
 //
-//   isv demo -o demo && isv encode demo/figure.isv -o demo/coarse.isv --quality 10
-//   node player/bench/picture.js docs/images/player.png 12 normals demo/figure.isv demo/coarse.isv
+//   isv demo -o demo && isv encode demo/figure.isv -o demo/coarse.isv --quality 10 --colour-quality 10
+//   node player/bench/picture.js docs/images/player.png 12 colour demo/figure.isv demo/coarse.isv
+//
+// Figures of the streams are hidden: times would be those of this machine and of its other work.
 
 import { readFileSync } from 'node:fs';
 import { basename } from 'node:path';
@@ -21,8 +23,9 @@ const query = paths.map((path, at) => `${at ? 'compare' : 'src'}=/files/${basena
 const { page } = await opened(browser, `${server.url}?${query}&paused&view=${view}`, { width: 1600, height: 720 });
 await page.evaluate((frame) => /** @type {any} */ (globalThis).isv.seek(frame), Number(frame));
 for (let player = 0; player < paths.length; player++) await shows(page, Number(frame), player);
-// The figures on the page are of the last second.
-await page.waitForTimeout(1500);
+await page.keyboard.press('i');
+// The camera comes to rest, and the frames ahead are decoded.
+await page.waitForTimeout(6000);
 await page.screenshot({ path: out });
 await browser.close();
 await server.close();

@@ -1,6 +1,6 @@
-//! Files for the fuzz targets to start from, one folder a target. Small ones: a fuzzer changes them thousands of times a
-//! second. But one of every kind that is read: what stands behind a type, a compression or a checksum, no fuzzer finds from a file
-//! without it.
+//! Files for the fuzz targets to start from, one folder a target. Small ones: a fuzzer changes them thousands
+//! of times a second. But there is one of every kind that is read. What stands behind a type, a compression
+//! or a checksum, no fuzzer finds from a file without it.
 
 mod arrays;
 mod depth;

@@ -76,10 +76,10 @@ enum Command {
         /// Folder of the captures
         #[arg(default_value = "../shared/data", env = "ISV_DATA")]
         data: PathBuf,
-        /// Where the results go
+        /// Folder for the results
         #[arg(long, default_value = "docs/results")]
         docs: PathBuf,
-        /// Where the studies of clips are kept, which are large; they go on where they stopped
+        /// Folder for the studies of clips, which are large; they go on where they stopped
         #[arg(long, default_value = "target/results")]
         work: PathBuf,
         /// Only this part
@@ -91,7 +91,7 @@ enum Command {
         /// Folder of the captures
         #[arg(default_value = "../shared/data", env = "ISV_DATA")]
         data: PathBuf,
-        /// Where the results go
+        /// Folder for the results
         #[arg(long, default_value = "docs/results")]
         docs: PathBuf,
     },

@@ -14,8 +14,8 @@ use isv_study::Take;
 use std::path::Path;
 use std::time::Instant;
 
-/// Measures the first `frames` frames of a folder of meshes in metres, once for each of `settings`, which are lists such as
-/// `step=2.2,trials=1`, and prints a table.
+/// Measures the first `frames` frames of a folder of meshes in metres, once for each of `settings`, and
+/// prints a table. The settings are lists such as `step=2.2,trials=1`.
 pub(crate) fn run(folder: &str, frames: usize, voxel_mm: f64, settings: &[String]) -> Result<()> {
     let grid = Grid {
         voxel_size: VoxelSize::from_metres(voxel_mm / 1000.0)?,

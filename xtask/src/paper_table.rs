@@ -1,4 +1,5 @@
-//! The paper's profile on a real sequence: rate and error of each kind of prediction (those of its Fig. 10, at the settings of its Fig. 12).
+//! The paper's profile on a real sequence: rate and error of each kind of prediction. They are those of its
+//! Fig. 10, at the settings of its Fig. 12.
 
 use crate::takes::decode_stream;
 use anyhow::{Result, ensure};

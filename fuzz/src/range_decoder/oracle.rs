@@ -90,7 +90,7 @@ pub(super) struct Model {
     seen: i128,
 }
 
-/// As the crate's is printed.
+/// Prints what the crate's prints.
 impl fmt::Debug for Model {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { fast, slow, seen } = self;
@@ -130,7 +130,7 @@ pub(super) struct Integer {
     mantissa: [[Model; 4]; 21],
 }
 
-/// As the crate's is printed.
+/// Prints what the crate's prints.
 impl fmt::Debug for Integer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("IntegerModel")

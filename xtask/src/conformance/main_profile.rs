@@ -63,8 +63,8 @@ fn still_and_moving(truncation: u32, main: MainSettings) -> Result<Stream> {
     encode(&header, EncoderSettings { main, ..Default::default() }, &volumes)
 }
 
-/// A stream of random symbols that another implementation wrote, from the specification alone: it has what no scene of ours has,
-/// such as settled masks beside blocks that change.
+/// A stream of random symbols that another implementation wrote, from the specification alone. It has what no
+/// scene of ours has, such as settled masks beside blocks that change.
 fn foreign(bytes: &[u8]) -> Result<Stream> {
     let mut reader = PacketReader::new(bytes)?;
     let mut decoder = Decoder::new(reader.header(), Limits::default());
@@ -75,7 +75,8 @@ fn foreign(bytes: &[u8]) -> Result<Stream> {
     Ok((bytes.to_vec(), hashes))
 }
 
-/// Where the small ball is, in blocks: in the middle, nowhere, back again, then in corners of the range of coordinates.
+/// Places of the small ball, in blocks: in the middle, nowhere, back again, then in corners of the range of
+/// coordinates.
 const JUMPS: [[i32; 3]; 6] = [
     [0; 3],
     NOWHERE,
@@ -133,8 +134,9 @@ fn noise(truncation: u32, slices: u16, seed: u64, skip_cells: bool) -> Result<St
     Ok((write_noise(&header, &frames)?, hashes))
 }
 
-/// The same with resilient frames of a ball's blocks, and others after them, whose models and contexts go on from there.
-/// `no_spatial_prediction`: of the resilient frames, as our encoder has it since `main_resilient` was made.
+/// Noise with resilient frames of a ball's blocks, and others after them, whose models and contexts go on
+/// from there. `no_spatial_prediction`: of the resilient frames, as our encoder has it since `main_resilient`
+/// was made.
 fn resilient_noise(truncation: u32, slices: u16, seed: u64, no_spatial_prediction: bool) -> Result<Stream> {
     let header = header(Profile::Main, 8, truncation)?;
     let mut random = Random::new(seed);

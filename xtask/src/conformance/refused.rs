@@ -45,7 +45,7 @@ pub(super) fn case(
     Refused { name, bytes, frames, class, says }
 }
 
-/// Those that every decoder must refuse.
+/// Streams that every decoder must refuse.
 pub(super) fn streams() -> Result<Vec<Refused>> {
     let mut cases = header_cases()?;
     cases.extend(packet_cases()?);
@@ -59,7 +59,7 @@ pub(super) fn streams() -> Result<Vec<Refused>> {
     Ok(cases)
 }
 
-/// Those of which a decoder may skip what is wrong: the index, the trailer and volume hashes.
+/// Streams of which a decoder may skip what is wrong: the index, the trailer and volume hashes.
 pub(super) fn optional_streams() -> Result<Vec<Refused>> {
     let header = small_paper()?;
     let good = || -> Result<RawStream> { one_frame(&header) };

@@ -1,4 +1,4 @@
-//! Who can compile for WebAssembly here.
+//! Toolchain that can compile for WebAssembly here.
 
 use anyhow::{Context, Result, bail, ensure};
 use std::path::{Path, PathBuf};
@@ -69,7 +69,7 @@ impl Toolchain {
     }
 }
 
-/// Where cargo keeps the sources of dependencies.
+/// Folder in which cargo keeps the sources of dependencies.
 fn cargo_home() -> Result<PathBuf> {
     let home = match std::env::var_os("CARGO_HOME") {
         Some(home) => PathBuf::from(home),

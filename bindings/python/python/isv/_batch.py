@@ -8,6 +8,7 @@ def main() -> int:
     try:
         from .batch.cli import main as run
     except ImportError as error:
-        print(f"isv-batch: {error}; pip install 'isv[batch]', or 'isv[ray]' for clusters", file=sys.stderr)
+        extras = "install the package isv with its extra 'batch', or with 'ray' for clusters"
+        print(f"isv-batch: {error}; {extras} (in a clone: pip install './bindings/python[batch]')", file=sys.stderr)
         return 2
     return run()

@@ -1,8 +1,9 @@
 //! The whole program from PLY files to an `.isv` file, and back to PLY files: `cargo bench -p isv-cli`.
 //!
-//! A person, the capture `dancer` where it is (`ISV_DATA`, else `../shared/data`), else the project's own figure, preset `realtime`, with
-//! one thread and with two, in turn. What a frame costs is the difference between many frames and few, so starting the program and
-//! finding the sign of the first frame do not count. Medians.
+//! A person at preset `realtime`, with one thread and with two, in turn. It is the capture `dancer` where it
+//! is (`ISV_DATA`, else `../shared/data`), else the project's own figure. A frame costs the difference
+//! between many frames and few. So starting the program and finding the sign of the first frame do not count.
+//! Medians.
 
 use anyhow::{Context, Result, ensure};
 use std::path::Path;

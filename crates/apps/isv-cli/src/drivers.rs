@@ -1,7 +1,8 @@
 //! Standard error without a line that drivers print there.
 //!
-//! Where a session has no `XDG_RUNTIME_DIR`, as in containers and over SSH, a Vulkan layer of Mesa that looks for a Wayland compositor
-//! makes libwayland print an error. Nothing is wrong, and nothing in an instance's settings prevents it.
+//! A session may have no `XDG_RUNTIME_DIR`, as in containers and over SSH. A Vulkan layer of Mesa that looks
+//! for a Wayland compositor then makes libwayland print an error. Nothing is wrong, and nothing in an
+//! instance's settings prevents it.
 
 /// Looks for GPUs; libwayland's line is left out of standard error, and everything else passes.
 #[cfg(unix)]

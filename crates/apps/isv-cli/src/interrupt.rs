@@ -11,8 +11,8 @@ static REQUESTED: OnceLock<Instant> = OnceLock::new();
 /// Signals that come together are one request: GNU `timeout` sends one to its child, and then to all of its group.
 const TOGETHER: Duration = Duration::from_millis(500);
 
-/// From now on Ctrl-C (or a request to terminate) is noted, for [`requested`] to tell; another one ends the program at once,
-/// half a second later or more.
+/// From now on Ctrl-C (or a request to terminate) is noted, for [`requested`] to tell. Another one, half a
+/// second later or more, ends the program at once.
 pub(crate) fn listen() -> Result<()> {
     let note = || {
         cancellation().cancel();

@@ -21,7 +21,8 @@ pub(crate) fn check(path: &Path) -> Result<(), StreamError> {
 /// A sink for a stream, in a file that has its name once it is whole.
 pub(crate) type StreamOutput = stream::StreamOutput<Output>;
 
-/// The tracks to keep of a stream that is copied into a file: those beside it, unless the file can have none, which is said then.
+/// Tracks to keep of a stream that is copied into a file: those beside it. If the file can have none, that is
+/// said.
 pub(crate) fn kept_tracks(tracks: Tracks, input: &str, output: &Path) -> Tracks {
     if Container::of(output) == Container::Isv && !tracks.is_empty() {
         say(format_args!("{input}: sound and picture are not kept: an MP4 file would have them"));

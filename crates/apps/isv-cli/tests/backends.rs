@@ -1,4 +1,5 @@
-//! Where the arithmetic is done. What needs a GPU, be it one in software, says that it is skipped where there is none.
+//! Devices that do the arithmetic. What needs a GPU, be it one in software, says that it is skipped where
+//! there is none.
 
 mod support;
 

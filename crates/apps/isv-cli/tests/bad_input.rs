@@ -441,7 +441,7 @@ fn a_newer_version() {
     work.isv(&["decode", "new.isv", "-o", "out"]).fails(1, &["new.isv: format version 200"]);
 }
 
-/// Where each packet of a stream begins, and its size.
+/// Beginning of each packet of a stream, and its size.
 fn packets(work: &Workspace) -> Vec<(usize, usize)> {
     let info = work.isv(&["info", "take.isv", "--json"]).json();
     let sizes = info["packets"].as_array().unwrap().iter().map(|p| p["bytes"].as_u64().unwrap() as usize);

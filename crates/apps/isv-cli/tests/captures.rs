@@ -368,8 +368,8 @@ fn an_archive_that_is_out_of_order_is_pointed_out() {
     assert_eq!(shuffled.matches("comes after").count(), 1, "{shuffled}");
 }
 
-/// Asks a program to end, so many times at once: as Ctrl-C does, but by a signal that shells do not have their background
-/// commands ignore.
+/// Asks a program to end, so many times at once. It does what Ctrl-C does, but by a signal that shells do not
+/// have their background commands ignore.
 #[cfg(unix)]
 fn interrupt(child: &std::process::Child, times: usize) {
     let ids = vec![child.id().to_string(); times];

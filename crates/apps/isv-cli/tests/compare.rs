@@ -189,7 +189,8 @@ fn a_take_may_be_called_anything() {
     assert!(page.contains("-a &lt;b&gt; &quot;c&quot; é"));
 }
 
-/// Draco gives a cube back as it was: an error of nothing has no place on a logarithmic axis, and Draco tells no kinds of bits.
+/// Draco gives a cube back as it was. An error of nothing has no place on a logarithmic axis, and Draco tells
+/// no kinds of bits.
 #[test]
 fn a_perfect_copy_is_a_result_like_any_other() {
     let workspace = Workspace::new();

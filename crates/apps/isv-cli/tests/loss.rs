@@ -9,7 +9,7 @@ use support::{ENCODE, Workspace};
 
 const FRAMES: usize = 9;
 
-/// Where the packets of a stream begin and how long they are.
+/// Beginning and length of each packet of a stream.
 fn packets(work: &Workspace, stream: &str) -> Vec<(usize, usize)> {
     let info = work.isv(&["info", stream, "--json"]).json();
     let sizes = info["packets"].as_array().unwrap().iter().map(|p| p["bytes"].as_u64().unwrap() as usize);

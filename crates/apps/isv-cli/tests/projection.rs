@@ -70,7 +70,8 @@ fn surface(stream: &Path) -> (TriangleMesh, f64) {
     (capture.meshes(range).unwrap().next().unwrap().unwrap(), voxel_m)
 }
 
-/// PSNR of Y (dB), and the number of pixels that count: both meshes are seen there, and the other is not the grey of what no camera saw.
+/// PSNR of Y (dB), and the number of pixels that count. In those both meshes are seen, and the other is not
+/// the grey of what no camera saw.
 fn psnr(one: &TriangleMesh, other: &TriangleMesh, lens: &Intrinsics, pose: &CameraPose) -> (f64, usize) {
     let [a, b] = [one, other].map(|mesh| render_colours(mesh, lens, pose, BACKGROUND));
     let [da, db] = [one, other].map(|mesh| render_depth(mesh, lens, pose));

@@ -1,5 +1,5 @@
-//! Streams of version 2: colour parts go where their frames go, packets of unknown types are left out of copies, and those that must be
-//! known stop every command.
+//! Streams of version 2. Colour parts go where their frames go, and packets of unknown types are left out of
+//! copies. Those that must be known stop every command.
 
 mod support;
 

@@ -9,7 +9,7 @@ const MARGIN: f64 = 0.04;
 /// Sides of the prism around a box that turns; it is wider than its circle by 0.5 %.
 const ORBIT_CORNERS: usize = 32;
 
-/// Where the picture is taken from: the direction to the camera, and the box it must show whole. Y is up.
+/// Camera of a picture: the direction to it, and the box it must show whole. Y is up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// Smallest and largest corner, in metres, of what must fit into the picture.
@@ -33,13 +33,13 @@ impl Camera {
         Self { bounds, size, yaw_degrees: 0.0, pitch_degrees: 0.0, orbits: false, opening_degrees: 24.0 }
     }
 
-    /// The same camera from another direction.
+    /// This camera, seen from another direction.
     #[must_use]
     pub fn from_direction(self, yaw_degrees: f64, pitch_degrees: f64) -> Self {
         Self { yaw_degrees, pitch_degrees, ..self }
     }
 
-    /// The same camera, made to go around what it sees: see [`Self::orbits`].
+    /// This camera, made to go around what it sees: see [`Self::orbits`].
     #[must_use]
     pub fn in_orbit(self) -> Self {
         Self { orbits: true, ..self }

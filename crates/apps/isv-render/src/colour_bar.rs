@@ -11,8 +11,8 @@ const WIDEST: usize = 24;
 /// Steps between labels, most first: as many labels are written as have room.
 const STEPS: [usize; 3] = [4, 2, 1];
 
-/// A strip of a width that shows the colours of a scale with lengths in millimetres under them, and, set apart, the
-/// colour of what is beyond the range. In strips too narrow for them, labels are left out.
+/// A strip of a width that shows the colours of a scale, with lengths in millimetres under them. Set apart is
+/// the colour of what is beyond the range. In strips too narrow for them, labels are left out.
 #[must_use]
 pub fn colour_bar(scale: &ErrorScale, width: usize, background: Background) -> Picture {
     let font = Font::for_width(width);
@@ -40,7 +40,7 @@ pub fn colour_bar(scale: &ErrorScale, width: usize, background: Background) -> P
     strip
 }
 
-/// Where things are, in pixels from the left of the strip.
+/// Places of things, in pixels from the left of the strip.
 struct Layout {
     left: usize,
     bar: usize,

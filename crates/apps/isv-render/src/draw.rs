@@ -31,8 +31,9 @@ pub struct ErrorPicture {
     pub seen: Option<SeenErrors>,
 }
 
-/// Errors of the surface that a picture shows, a pixel counting once. The surface that is out of sight does not count,
-/// nor is what is seen at a slant weighted up: measures of a whole surface are those of `isv-metrics`.
+/// Errors of the surface that a picture shows, a pixel counting once. The surface that is out of sight does
+/// not count, nor is what is seen at a slant weighted up. Measures of a whole surface are those of
+/// `isv-metrics`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SeenErrors {
     /// Mean, in metres.

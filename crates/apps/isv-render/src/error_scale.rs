@@ -1,8 +1,9 @@
 //! Colours of errors.
 
-/// Colours from error 0 to the range, evenly spaced: the nine-class scheme `YlOrRd` of ColorBrewer 2.0 (Harrower and
-/// Brewer 2003, "ColorBrewer.org: An Online Tool for Selecting Colour Schemes for Maps", The Cartographic Journal 40),
-/// sequential and safe for the colour-blind. Its light end leaves the form to be seen where errors are small.
+/// Colours from error 0 to the range, evenly spaced: the nine-class scheme `YlOrRd` of ColorBrewer 2.0,
+/// sequential and safe for the colour-blind. It is that of Harrower and Brewer 2003, "ColorBrewer.org: An
+/// Online Tool for Selecting Colour Schemes for Maps", The Cartographic Journal 40. Its light end leaves the
+/// form to be seen where errors are small.
 const YELLOW_TO_RED: [[u8; 3]; 9] = [
     [255, 255, 204],
     [255, 237, 160],
@@ -15,8 +16,8 @@ const YELLOW_TO_RED: [[u8; 3]; 9] = [
     [128, 0, 38],
 ];
 
-/// Colour of errors beyond the range: a blue that is far from all colours of the scale for every kind of colour vision
-/// (`blue` of Okabe and Ito's palette, "Color Universal Design", 2008).
+/// Colour of errors beyond the range: a blue that is far from all colours of the scale for every kind of
+/// colour vision. It is `blue` of Okabe and Ito's palette, "Color Universal Design", 2008.
 pub const BEYOND_RANGE: [u8; 3] = [0, 114, 178];
 
 /// The map from errors to colours: linear from 0 to a range, one colour beyond.

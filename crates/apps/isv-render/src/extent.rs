@@ -3,7 +3,8 @@
 use glam::DVec3;
 use isv_volume::TriangleMesh;
 
-/// How much of a surface must face one way before that side is the one to look from: 0 for a closed surface, 1 for a plane.
+/// Share of a surface that must face one way before that side is the one to look from. It is 0 for a closed
+/// surface, 1 for a plane.
 ///
 /// What one depth camera saw of a room has 0.58, a building of open parts on its ground 0.35, a person with open soles 0.02.
 const ONE_SIDED: f64 = 0.45;

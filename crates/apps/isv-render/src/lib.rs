@@ -1,9 +1,10 @@
 //! Pictures of meshes, drawn in software: for looking at captures, comparing codecs and README files.
 //!
-//! A [`Camera`] looks at a box from a direction, so a sequence seen through one camera holds still. [`render`] colours
-//! surfaces as [`Shading`] says. It shows their world normal, in which dents, seams and noise stand out, a grey in soft light, or the
-//! mesh's own colour: textures and vertex colours, with or without light. [`render_errors`] colours them by any error
-//! that a closure gives for a point, on an [`ErrorScale`] with its [`colour_bar`].
+//! A [`Camera`] looks at a box from a direction, so a sequence seen through one camera holds still.
+//! [`render`] colours surfaces as [`Shading`] says. It shows their world normal, in which dents, seams and
+//! noise stand out, a grey in soft light, or the mesh's own colour. Own colours are textures and vertex
+//! colours, with or without light. [`render_errors`] colours them by any error that a closure gives for a
+//! point, on an [`ErrorScale`] with its [`colour_bar`].
 //!
 //! A [`Picture`] is a PNG file, a part of a [`contact_sheet`], or one of an animation: [`GifWriter`] or [`ApngWriter`].
 //! Pixels have the same values for any number of threads. This crate reads no files and measures no distances.

@@ -1,7 +1,8 @@
 //! Darkening of creases: where the surface around a pixel comes closer than the pixel itself, less light gets in.
 //!
-//! Only the depth of the picture is looked at. Opposite neighbours are taken in pairs and their depths averaged, so a
-//! slanted plane is not darkened; what is left measures how hollow the surface is, at a few distances.
+//! Only the depth of the picture is looked at. Opposite neighbours are taken in pairs and their depths
+//! averaged, so a slanted plane is not darkened. What is left measures how hollow the surface is, at a few
+//! distances.
 
 use rayon::prelude::*;
 

@@ -33,8 +33,8 @@ pub(crate) struct Indexed {
 impl Indexed {
     /// Finds a palette for a picture and the entry of each of its pixels.
     ///
-    /// The most common colour, which is the background, has an entry of its own and is not dithered: it must be the same
-    /// from picture to picture. Alpha of less than half is nothing, the rest is opaque.
+    /// The most common colour, which is the background, has an entry of its own and is not dithered. It must
+    /// be the same from picture to picture. Alpha of less than half is nothing, the rest is opaque.
     pub(crate) fn new(picture: &Picture) -> Self {
         let [width, _] = picture.size();
         let is_clear = |pixel: &[u8]| pixel[3] < 128;
@@ -83,9 +83,10 @@ struct Cluster {
     axis: usize,
 }
 
-/// Divides colours into at most `most` clusters and returns their means, in order of division: median cut with the
-/// mean in place of the median (Heckbert 1982, "Color image quantization for frame buffer display"; Wan, Wong and
-/// Prusinkiewicz 1988, "An algorithm for multidimensional data clustering"). The cluster that scatters most is cut next.
+/// Divides colours into at most `most` clusters and returns their means, in order of division. This is median
+/// cut with the mean in place of the median (Heckbert 1982, "Color image quantization for frame buffer
+/// display"). The cluster that scatters most is cut next (Wan, Wong and Prusinkiewicz 1988, "An algorithm for
+/// multidimensional data clustering").
 fn cut(counts: &mut [Count], most: usize) -> Vec<[u8; 3]> {
     if counts.is_empty() {
         return Vec::new();

@@ -88,8 +88,8 @@ impl Picture {
         pixel[3] = pixel[3].max(coverage);
     }
 
-    /// This picture with another under it, each in the middle of the wider one's width; what is beside them takes the
-    /// colour of this picture's top left pixel.
+    /// This picture with another under it, each in the middle of the wider one's width. What is beside them
+    /// takes the colour of this picture's top left pixel.
     ///
     /// # Panics
     /// If this picture has no pixels.

@@ -44,8 +44,8 @@ impl Raster {
         self.projection.pixels_a_metre / SAMPLES as f64
     }
 
-    /// The point of the surface that is seen in the middle of a pixel, or as close to it as any is; none if the pixel
-    /// shows no surface.
+    /// Point of the surface that is seen in the middle of a pixel, or as close to it as any is. None if the
+    /// pixel shows no surface.
     pub(crate) fn point(&self, pixel: usize) -> Option<DVec3> {
         let Seen { sample, depth } = self.pixels[pixel].seen?;
         let corner = [pixel % self.size[0], pixel / self.size[0]];
@@ -78,7 +78,7 @@ pub(crate) struct Pixel {
 /// One sample of a pixel.
 #[derive(Clone, Copy)]
 struct Seen {
-    /// Its number in the pixel, row after row.
+    /// Number of the sample in the pixel, row after row.
     sample: usize,
     depth: f32,
 }

@@ -13,7 +13,8 @@ pub const GREY: [u8; 3] = [200, 200, 200];
 /// Part of a front face's colour that does not depend on its angle to the camera.
 const AMBIENT: f32 = 0.5;
 
-/// The same where colours are to be read off a scale: light must not hide them.
+/// Part of a front face's colour that does not depend on its angle, where colours are to be read off a scale.
+/// Light must not hide them.
 const FORM_AMBIENT: f32 = 0.7;
 
 /// What lies behind the surface.

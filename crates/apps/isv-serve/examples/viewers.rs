@@ -4,8 +4,9 @@
 //! cargo run --release -p isv-serve --example viewers -- FILE.isv [VIEWERS] [SECONDS]
 //! ```
 //!
-//! The server is a process of its own, so that its memory is not mixed with that of the viewers. It is fed the packets of the
-//! file at the file's frame rate, over and over, each stamped with the time at which it was written.
+//! The server is a process of its own, so that its memory is not mixed with that of the viewers. It is fed
+//! the packets of the file at the file's frame rate, over and over. Each is stamped with the time at which it
+//! was written.
 
 use futures_util::StreamExt;
 use isv_format::{Packet, PacketHeader, PacketReader, StreamHeader};

@@ -1,4 +1,5 @@
-//! Connections: so many at a time, each with a time within which it must say what it wants, and one to take what it is sent.
+//! Connections: so many at a time. Each has a time within which it must say what it wants, and one to take
+//! what it is sent.
 
 use crate::stall::Unstalled;
 use axum::Router;
@@ -15,9 +16,9 @@ use tokio::time::sleep;
 const HEADER_TIME: Duration = Duration::from_secs(20);
 /// Largest size of a request's headers in bytes.
 const HEADER_BYTES: usize = 16 << 10;
-/// How long the other side of a connection may take nothing of what it is sent. Otherwise downloads that nobody reads would
-/// hold all places for ever. With a send buffer as large as the server's, Linux tells of room after 130 to 310 kB were read: in
-/// this time a modem reads as much.
+/// Time for which the other side of a connection may take nothing of what it is sent. Otherwise downloads
+/// that nobody reads would hold all places for ever. With a send buffer as large as the server's, Linux tells
+/// of room after 130 to 310 kB were read. In this time a modem reads as much.
 pub(crate) const STALL: Duration = Duration::from_secs(90);
 /// How long to wait where no connection can be accepted, as when the process has too many files open.
 const RECOVERY: Duration = Duration::from_millis(200);

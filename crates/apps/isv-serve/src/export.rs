@@ -50,9 +50,9 @@ fn at(path: &Path) -> impl FnOnce(io::Error) -> ExportError + use<> {
 /// Files that are collected in a hidden folder beside the final one, until all are there.
 #[derive(Debug)]
 pub struct ExportFolder {
-    /// As given, for messages.
+    /// Path as given, for messages.
     path: PathBuf,
-    /// Where files are until then; removed when this is dropped.
+    /// Folder of the files until then; removed when this is dropped.
     partial: PathBuf,
     files: BTreeSet<String>,
 }
@@ -119,7 +119,7 @@ impl ExportFolder {
         Ok(count)
     }
 
-    /// Where a file is to be written.
+    /// Path to which a file is to be written.
     fn place(&mut self, inside: &str) -> Result<PathBuf, ExportError> {
         let place = self.partial.join(inside);
         let folder = place.parent().expect("a file is in a folder");

@@ -31,7 +31,7 @@ pub struct StreamFiles {
 struct StreamFile {
     /// Absolute.
     path: PathBuf,
-    /// Its last part, as text.
+    /// Last part of the path, as text.
     name: String,
 }
 

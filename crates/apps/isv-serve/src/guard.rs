@@ -1,8 +1,10 @@
-//! Who may ask: browsers send along which site a page came from, and which name they reached the server by.
+//! Checks of who asks: browsers send along which site a page came from, and which name they reached the
+//! server by.
 //!
-//! A page of another site must not read from a server on the user's own machine. Browsers keep it from reading answers, but
-//! not from opening a WebSocket: that is what `Origin` is checked for. And a site may let its own name point to the loopback
-//! address (DNS rebinding), so a server there answers to no names but those of the machine itself.
+//! A page of another site must not read from a server on the user's own machine. Browsers keep it from
+//! reading answers, but not from opening a WebSocket: that is what `Origin` is checked for. And a site may
+//! let its own name point to the loopback address (DNS rebinding). So a server there answers to no names but
+//! those of the machine itself.
 
 use axum::http::HeaderMap;
 use axum::http::header;

@@ -235,7 +235,7 @@ pub struct Viewer {
     missed: u64,
 }
 
-/// Where a viewer is in the stream.
+/// Place of a viewer in the stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Place {
     /// It has no packet yet.

@@ -14,8 +14,8 @@
 //! | `/streams.json` | the names of what is served, for the page to offer |
 //! | `/live` | a WebSocket with the packets of a live source, as [`message`] has them |
 //!
-//! It reads packets, and decodes none. What a viewer can make the server hold does not grow: all viewers read one ring, and
-//! whoever is too slow for it goes on at a later keyframe.
+//! It reads packets, and decodes none. What a viewer can make the server hold does not grow. All viewers read
+//! one ring, and whoever is too slow for it goes on at a later keyframe.
 
 mod accept;
 mod error;

@@ -45,8 +45,9 @@ impl Page {
         self.files
     }
 
-    /// The files as they are to be put on a host without this server. The page then opens `streams`, the first and one to
-    /// compare it with, unless its address says otherwise: those are paths of URLs relative to the page.
+    /// Files as they are to be put on a host without this server. The page then opens `streams`, the first
+    /// and one to compare it with, unless its address says otherwise. They are paths of URLs relative to the
+    /// page.
     #[must_use]
     pub fn export(&self, streams: &[String], options: &PageOptions) -> Vec<(&'static str, Vec<u8>)> {
         let mut files: Vec<_> = self.files.iter().map(|(path, bytes)| (*path, bytes.to_vec())).collect();

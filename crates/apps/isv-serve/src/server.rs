@@ -33,7 +33,7 @@ const STREAMS: &str = "/streams.json";
 /// What is served, to whom.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// Where to listen; port 0 is any that is free.
+    /// Address to listen at; port 0 is any that is free.
     pub address: SocketAddr,
     /// The page at `/`.
     pub page: Page,
@@ -116,7 +116,7 @@ impl Server {
         Ok(Self { listener, address, settings })
     }
 
-    /// Where it listens.
+    /// Address at which the server listens.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address

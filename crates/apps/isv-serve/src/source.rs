@@ -1,4 +1,4 @@
-//! Where live packets come from: a pipe, a FIFO, a file that grows, or the newest file of a folder.
+//! Source of live packets: a pipe, a FIFO, a file that grows, or the newest file of a folder.
 
 mod follow;
 mod packets;

@@ -4,7 +4,7 @@ use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 
 /// What is written as it is in a segment of a path.
 const SEGMENT: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
-/// The same in a value of a query, where slashes need no escape either.
+/// Characters to escape in a value of a query, where slashes need no escape either.
 const QUERY: &AsciiSet = &SEGMENT.remove(b'/');
 
 /// A name as one segment of a path.

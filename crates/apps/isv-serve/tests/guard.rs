@@ -1,4 +1,4 @@
-//! Who is answered.
+//! Requests that are answered, and those that are refused.
 
 mod support;
 

@@ -79,7 +79,7 @@ impl ContentKind {
 /// A frame of a capture.
 #[derive(Debug)]
 pub struct CapturedFrame {
-    /// Its number in the capture.
+    /// Number of the frame in the capture.
     pub number: usize,
     /// The file it came from, or the capture and its number; for messages.
     pub name: String,

@@ -4,9 +4,10 @@
 //! folder, file, pipe ─ capture ─ volumes ─ coder ─ writer ─> stream ─ frames, with what was lost concealed
 //! ```
 //!
-//! What the layers below do one step at a time is put together here, with what belongs to a whole take: options and their defaults,
-//! reading ahead, times, rates that are met by coding twice, limits of memory, the device that does the arithmetic and the CPU
-//! behind it, damage. The command line is words around this crate, and the crate `isv` its stable face.
+//! This crate puts together what the layers below do one step at a time, with what belongs to a whole take.
+//! These are options and their defaults, reading ahead, times, rates that are met by coding twice, limits of
+//! memory, and damage. It also chooses the device that does the arithmetic, with the CPU behind it. The
+//! command line is words around this crate, and the crate `isv` its stable face.
 
 mod cancel;
 mod device;

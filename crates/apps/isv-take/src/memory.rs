@@ -5,8 +5,9 @@ use isv_surface::{SurfaceExtractor, SurfaceOptions, TooManyVertices};
 use isv_volume::{BlockSet, SparseVolume, TriangleMesh};
 use thiserror::Error;
 
-/// Bytes that decoding takes at its peak for each voxel of a frame, rounded up: two samples of two bytes, of the frame and of the one
-/// before, and as much for levels, tables and what is made of the volume (`docs/design/031-hostile-files.md`).
+/// Bytes that decoding takes at its peak for each voxel of a frame, rounded up. These are two samples of two
+/// bytes, of the frame and of the one before. Levels, tables and what is made of the volume take as much
+/// (`docs/design/031-hostile-files.md`).
 const BYTES_PER_VOXEL: u64 = 8;
 
 /// Memory for the frames of a stream.
@@ -50,8 +51,8 @@ impl MemoryLimit {
         u32::try_from(bytes).unwrap_or(u32::MAX)
     }
 
-    /// Extracts the surface of a volume, of as many vertices as there is memory for: each takes, with its normal and its triangles,
-    /// what eight voxels do.
+    /// Extracts the surface of a volume, of as many vertices as there is memory for. Each takes, with its
+    /// normal and its triangles, what eight voxels do.
     ///
     /// # Errors
     /// [`MemoryError::Surface`].

@@ -58,8 +58,9 @@ impl Projection {
         }
     }
 
-    /// Textures a mesh by what the cameras saw of it in a frame of the rig, weighted by angle; what is hidden from a camera, or beside a jump
-    /// in its depth, does not count. Where no camera saw anything the mesh keeps its colour, and is grey if it has none.
+    /// Textures a mesh by what the cameras saw of it in a frame of the rig, weighted by angle. What is hidden
+    /// from a camera, or beside a jump in its depth, does not count. Where no camera saw anything the mesh
+    /// keeps its colour, and is grey if it has none.
     ///
     /// `voxel_m`: how far the surface may be wrong (m).
     ///

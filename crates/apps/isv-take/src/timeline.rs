@@ -2,8 +2,8 @@
 
 use isv_format::FrameRate;
 
-/// A frame is shown for so many seconds at most, or as long as so many frames where that is longer: timestamps that jump further are
-/// those of another clock. A capture may pause for minutes.
+/// A frame is shown for so many seconds at most, or as long as so many frames where that is longer.
+/// Timestamps that jump further are those of another clock. A capture may pause for minutes.
 const LONGEST_S: f64 = 600.0;
 const LONGEST_FRAMES: f64 = 10.0;
 

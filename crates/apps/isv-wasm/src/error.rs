@@ -46,7 +46,7 @@ pub(crate) enum Status {
 }
 
 impl Status {
-    /// Of bytes that are refused.
+    /// Error of bytes that are refused.
     fn of_refusal(class: Option<RefusalClass>) -> Self {
         match class {
             Some(RefusalClass::Limit) => Self::Limit,

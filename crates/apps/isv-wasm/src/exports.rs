@@ -40,7 +40,7 @@ extern "C" fn isv_input(bytes: usize) -> *mut u8 {
     })
 }
 
-/// Where the words of the last error are, in UTF-8.
+/// Address of the words of the last error, in UTF-8.
 #[unsafe(no_mangle)]
 extern "C" fn isv_message() -> *const u8 {
     with(|session| session.message().as_ptr())
@@ -116,7 +116,7 @@ extern "C" fn isv_has_colour() -> u32 {
     with(|session| u32::from(session.has_colour()))
 }
 
-/// Where the index packet begins; -1 if the input, the last 16 bytes of a file, is no trailer.
+/// Beginning of the index packet; -1 if the input, the last 16 bytes of a file, is no trailer.
 #[unsafe(no_mangle)]
 extern "C" fn isv_trailer() -> f64 {
     with(|session| session.trailer().map_or(-1.0, |at| at as f64))
@@ -161,7 +161,8 @@ extern "C" fn isv_packet(at: f64) -> f64 {
     })
 }
 
-/// Kind of the packet whose header was read last. 0: a frame, 1: a keyframe, 2: an index, 3: one to skip, whose type is not known.
+/// Kind of the packet whose header was read last: 0 for a frame, 1 for a keyframe, 2 for an index. Packets to
+/// skip, whose type is not known, are 3.
 #[unsafe(no_mangle)]
 extern "C" fn isv_packet_kind() -> u32 {
     with(|session| match session.packet_header().map(|header| header.kind) {
@@ -172,7 +173,7 @@ extern "C" fn isv_packet_kind() -> u32 {
     })
 }
 
-/// Its timestamp in nanoseconds.
+/// Timestamp of the packet, in nanoseconds.
 #[unsafe(no_mangle)]
 extern "C" fn isv_packet_timestamp() -> f64 {
     with(|session| session.packet_header().map_or(0.0, |header| header.timestamp_ns as f64))
@@ -280,7 +281,8 @@ extern "C" fn isv_block_count() -> usize {
     with(|session| session.blocks().places.len())
 }
 
-/// Of each block x, y and z in blocks, and 0: it stays as it is, 1: coded without the frame before, 2: predicted from it.
+/// Four numbers of each block: x, y and z in blocks, and what it is. Then 0 is a block that stays as it is, 1
+/// one coded without the frame before, and 2 one predicted from it.
 #[unsafe(no_mangle)]
 extern "C" fn isv_blocks() -> *const i32 {
     with(|session| session.blocks().places.as_ptr().cast())
@@ -292,7 +294,7 @@ extern "C" fn isv_block_bits() -> *const f32 {
     with(|session| session.blocks().bits.as_ptr())
 }
 
-/// Of each block x, y and z in metres, from where it is predicted to where it is.
+/// Motion of each block in x, y and z, in metres, from where it is predicted to where it is.
 #[unsafe(no_mangle)]
 extern "C" fn isv_block_motion() -> *const f32 {
     with(|session| session.blocks().motion.as_ptr().cast())

@@ -65,7 +65,7 @@ pub(crate) struct Frame {
     pub(crate) inexact_blocks: usize,
 }
 
-/// Where the frames of the stream are, as the player takes it.
+/// Places of the frames of the stream, as the player takes them.
 #[derive(Debug, Default)]
 pub(crate) struct Index {
     /// Byte offset of each frame's packet.
@@ -94,8 +94,9 @@ impl Default for Session {
 }
 
 impl Session {
-    /// Limits the voxels of a frame, blocks times voxels a block, from the next [`Self::open`] on, and from now on, in proportion,
-    /// the vertices of a surface and the bytes of input. A `trusted` stream may take all of them, however few bytes it has.
+    /// Limits the voxels of a frame, blocks times voxels a block, from the next [`Self::open`] on. From now
+    /// on it limits, in proportion, the vertices of a surface and the bytes of input. A `trusted` stream may
+    /// take all of them, however few bytes it has.
     pub(crate) fn limit(&mut self, voxels: usize, trusted: bool) {
         self.voxels = voxels.min(MOST_VOXELS);
         self.trusted = trusted;
@@ -144,7 +145,7 @@ impl Session {
         self.header().ok_or(SessionError::Order("a packet before the stream's header"))
     }
 
-    /// Where the index packet begins, if the stream ends with a trailer. Input: its last 16 bytes.
+    /// Beginning of the index packet, if the stream ends with a trailer. Input: its last 16 bytes.
     pub(crate) fn trailer(&self) -> Option<u64> {
         StreamIndex::parse_trailer(self.input_as("a trailer").ok()?)
     }

@@ -1,10 +1,12 @@
 //! What the GPU takes for each frame: `cargo bench -p isv --features gpu --bench gpu`.
 //!
-//! The best GPU that there is, be it one in software, or the one whose name has `ISV_GPU` in it. The project's own figure is always
-//! measured, captures where they are (`ISV_DATA`, else `../shared/data`): a person, the same person with nine times the faces, and a
-//! building. For each, meshes become volumes, and frames of profile `main` at preset `realtime`, and of profile `paper` with 3-DoF, are
-//! encoded and decoded on the CPU and on the GPU, where their surfaces are extracted too; the first is not counted. Kernels are timed by the GPU's own clock in a run of
-//! their own; the least that they must read and write is set against the rate at which the GPU copies.
+//! The best GPU that there is, be it one in software, or the one whose name has `ISV_GPU` in it. The
+//! project's own figure is always measured. Captures are measured if they are there (`ISV_DATA`, else
+//! `../shared/data`): a person, the same person with nine times the faces, and a building. For each, meshes
+//! become volumes. Frames of profile `main` at preset `realtime`, and of profile `paper` with 3-DoF, are
+//! encoded and decoded on the CPU and on the GPU. Their surfaces are extracted there too; the first frame is
+//! not counted. Kernels are timed by the GPU's own clock in a run of their own. The least that they must read
+//! and write is set against the rate at which the GPU copies.
 
 use anyhow::{Context, Result};
 use isv::raw::decode::{Decoder, Limits};
@@ -241,7 +243,7 @@ fn on_cpu(header: &StreamHeader, packets: &[Packet]) -> Result<[f64; 2]> {
     Ok(medians(&times))
 }
 
-/// The same on a GPU.
+/// Times of decoding and surfaces on a GPU.
 fn on_gpu(header: &StreamHeader, packets: &[Packet], gpu: &Gpu) -> Result<[f64; 2]> {
     let store = VolumeStore::new(gpu)?;
     let mut decoder = Decoder::with_backend(header, Limits::default(), GpuBackend::new(&store)?);
@@ -265,7 +267,7 @@ fn on_gpu(header: &StreamHeader, packets: &[Packet], gpu: &Gpu) -> Result<[f64; 
     Ok(medians(&times))
 }
 
-/// Of all but the first, if there are more.
+/// Medians of all but the first, if there are more.
 fn medians<const WHICH: usize>(times: &[[f64; WHICH]]) -> [f64; WHICH] {
     let counted = &times[usize::from(times.len() > 1)..];
     std::array::from_fn(|which| {

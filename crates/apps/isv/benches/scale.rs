@@ -1,8 +1,9 @@
 //! How time and memory grow with a scene: `cargo bench -p isv --bench scale`.
 //!
 //! - Waves on water, 1 to 64 times the area: what a frame costs for each of its blocks, all of which move.
-//! - A street of 100 x 100 x 20 m at 5 cm in which cars drive, and the building `monastery` at 5 mm, if it is there (`ISV_DATA`,
-//!   else `../shared/data`): time of a keyframe and of the frames after it, and memory at its peak.
+//! - A street of 100 x 100 x 20 m at 5 cm in which cars drive, and the building `monastery` at 5 mm. The
+//!   building is measured if it is there (`ISV_DATA`, else `../shared/data`). Measured are the time of a
+//!   keyframe and of the frames after it, and memory at its peak.
 //!
 //! Preset `realtime`. Each scene is measured in a process of its own, so that its peak memory is its own. With the name of a scene,
 //! only that one is.
@@ -143,8 +144,8 @@ fn measure(name: &str) -> Result<()> {
     Ok(())
 }
 
-/// The most memory that the process had at one time since it began, or since this was last asked with `forget`, in megabytes;
-/// `-` where the system does not tell.
+/// Most memory that the process had at one time, in megabytes, since it began or since this was last asked
+/// with `forget`. It is `-` where the system does not tell.
 fn peak_mb(forget: bool) -> Result<String> {
     let Ok(status) = std::fs::read_to_string("/proc/self/status") else { return Ok("-".to_owned()) };
     let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));

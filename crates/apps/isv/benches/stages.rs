@@ -1,8 +1,9 @@
-//! Where the time of the codec goes, stage by stage, next to what the machine could do at best: `cargo bench -p isv`.
+//! Time of the codec, stage by stage, next to what the machine could do at best: `cargo bench -p isv`.
 //!
-//! The project's own figure is always measured, captures where they are (`ISV_DATA`, else `../shared/data`): a person, the same
-//! person with nine times the faces, and a building. One table each, preset `realtime`, frames after the first. Stages are means
-//! and count in full where they run side by side; wholes are medians.
+//! The project's own figure is always measured. Captures are measured if they are there (`ISV_DATA`, else
+//! `../shared/data`): a person, the same person with nine times the faces, and a building. One table each,
+//! preset `realtime`, frames after the first. Stages are means and count in full where they run side by side;
+//! wholes are medians.
 
 use anyhow::{Context, Result};
 use isv::raw::decode::{Decoder, Limits};
@@ -151,8 +152,8 @@ fn copied(volume: &SparseVolume) -> Vec<i16> {
     samples
 }
 
-/// What the machine could do at best: the bytes of a decoded volume copied, and a transform of each coded block at the speed of
-/// multiply-adds that wait for nothing, on all threads.
+/// Floors: what the machine could do at best, on all threads. The bytes of a decoded volume are copied, and
+/// each coded block is transformed at the speed of multiply-adds that wait for nothing.
 fn floors(volume: &SparseVolume, blocks: usize, table: &mut Table) {
     let copies = (0..FRAMES).map(|_| timed(|| black_box(copied(black_box(volume)))).1);
     table.whole("floor: the decoded volume copied", copies.collect());

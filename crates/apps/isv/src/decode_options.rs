@@ -53,8 +53,8 @@ impl DecodeOptions {
         self
     }
 
-    /// Format of the files of a folder, by its usual extension: `ply`, `obj`, `stl`, `glb`, `usda` (text) or `usdc` (binary) for
-    /// meshes, `ply`, `pcd` or `xyz` for points, `npy` or `vdb` for fields.
+    /// Format of the files of a folder, by its usual extension. Meshes are `ply`, `obj`, `stl`, `glb`, `usda`
+    /// (text) or `usdc` (binary), points `ply`, `pcd` or `xyz`, fields `npy` or `vdb`.
     #[must_use]
     pub fn format(mut self, extension: &str) -> Self {
         match extension.parse() {

@@ -51,7 +51,8 @@ pub struct ColourView {
     pub camera_to_world: [[f64; 4]; 4],
     /// 8-bit sRGB of all pixels, row by row from the top.
     pub colours: Vec<[u8; 3]>,
-    /// Number of the depth view of the same frame from about the same place, such as that of an RGB-D camera; `None` if there is none.
+    /// Number of the depth view of the same frame from about the same place, such as that of an RGB-D camera.
+    /// `None` if there is none.
     pub depth_view: Option<usize>,
 }
 

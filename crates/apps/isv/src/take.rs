@@ -200,8 +200,9 @@ pub fn evaluate(
 
 /// Encodes a capture into a stream.
 ///
-/// `input` is a folder of frames, a pattern such as `take/*.obj` or one file, a folder of depth images and calibration, of volumes, or
-/// an `.isv` file. The output has its name once it is whole; a file that is there is replaced then.
+/// `input` is a folder of frames, a pattern such as `take/*.obj` or one file. It may also be a folder of
+/// depth images and calibration, a folder of volumes, or an `.isv` file. The output has its name once it is
+/// whole; a file that is there is replaced then.
 ///
 /// # Errors
 /// See [`Error::kind`]. Nothing is left of an output that is not whole.

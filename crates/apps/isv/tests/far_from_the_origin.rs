@@ -1,5 +1,5 @@
-//! Where in the world a thing is makes no difference: tens of kilometres away, on both sides of the origin, a mesh becomes the same
-//! volume, the same decoded volume and the same surface.
+//! A thing may lie anywhere in the world. Tens of kilometres away, on both sides of the origin, a mesh
+//! becomes the same volume, the same decoded volume and the same surface.
 
 use glam::DVec3;
 use isv::raw::decode::{Decoder, Limits};
@@ -20,7 +20,8 @@ fn header() -> StreamHeader {
     StreamHeader::new(Profile::Main, grid, FrameRate::DEFAULT)
 }
 
-/// A ball in the cube of 2 m from the origin on, a little further on in each frame; that cube is moved by whole cubes.
+/// A ball in the cube of 2 m from the origin on, a little further on in each frame. The cube is moved by
+/// whole cubes.
 fn ball(frame: u32, cubes: [i32; 3]) -> TriangleMesh {
     let mut mesh = isv_testkit::sphere(0.3, 40);
     let centre = DVec3::splat(0.8) + f64::from(frame) * DVec3::new(0.011, -0.007, 0.004);

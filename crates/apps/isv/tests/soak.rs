@@ -1,5 +1,5 @@
-//! Many frames through one encoder and one decoder: memory stays as it was after the first loop of the take, every frame has the
-//! hash that the encoder states, and a decoder that begins anew ends where this one does.
+//! Many frames through one encoder and one decoder. Memory stays as it was after the first loop of the take,
+//! and every frame has the hash that the encoder states. A decoder that begins anew ends where this one does.
 //!
 //! Three loops of 30 frames a run, or as many as `ISV_SOAK_FRAMES` says; `docs/results/soak.md` has those of 10,000.
 

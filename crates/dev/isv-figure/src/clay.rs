@@ -7,8 +7,9 @@ use glam::{Mat3, Vec3};
 use isv_volume::Rgb;
 use rayon::prelude::*;
 
-/// How much the field may change over a distance of centimetres, as a multiple of it: exact shapes and blends keep 1;
-/// relief and approximate shapes exceed it. The test `figure_is_closed` would see the holes if it were too small.
+/// Most that the field may change over a distance of centimetres, as a multiple of it. Exact shapes and
+/// blends keep 1; relief and approximate shapes exceed it. The test `figure_is_closed` would see the holes if
+/// it were too small.
 pub(crate) const STEEPEST: f32 = 1.25;
 
 /// Places that are painted together, given the parts near all of them.
@@ -51,7 +52,7 @@ pub(crate) enum Ripple {
     /// Creased cloth: a wave along a direction, bent by another wave so that no two creases are alike, and fading in and
     /// out.
     Creases {
-        /// Where the waves are anchored.
+        /// Anchor of the waves.
         origin: Vec3,
         /// Direction across the creases, times radians a metre.
         wave: Vec3,
@@ -148,7 +149,7 @@ impl Clay {
         places.iter().zip(normals).map(|(place, normal)| at(place, normal)).collect()
     }
 
-    /// Where a ray meets the figure so far; `from` lies outside.
+    /// Point at which a ray meets the figure so far; `from` lies outside.
     pub(crate) fn surface_along(&self, from: Vec3, direction: Vec3) -> Vec3 {
         let parts = self.parts();
         (0..40).fold(from, |p, _| p + direction * distance(&parts, p) * 0.8)

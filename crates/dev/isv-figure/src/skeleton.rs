@@ -1,4 +1,4 @@
-//! Where the bones are.
+//! Places of the bones.
 
 use crate::motion::{PERIOD_S, Pose};
 use glam::{Mat3, Vec3};

@@ -74,7 +74,7 @@ pub(super) struct Inputs {
     header: StreamHeader,
     /// Two frames of a ball.
     volumes: [SparseVolume; 2],
-    /// The same, coded at preset `realtime`.
+    /// Packets of the frames, coded at preset `realtime`.
     packets: Vec<Packet>,
     /// Their sets of coded blocks, and how many those are.
     block_sets: Vec<Vec<u8>>,

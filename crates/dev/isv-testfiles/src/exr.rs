@@ -20,8 +20,8 @@ const COMPRESSIONS: [Compression; 8] = [
     Compression::B44A,
 ];
 
-/// Images of 8 x 6 pixels with the lossy compression of DreamWorks Animation, which the crate `exr` only reads: channels R, G, B and Y of
-/// halves, A, and Z of floats, by OpenEXR (`src/exr/dwa.py`).
+/// Images of 8 x 6 pixels with the lossy compression of DreamWorks Animation, which the crate `exr` only
+/// reads. They have channels R, G, B and Y of halves, A, and Z of floats, by OpenEXR (`src/exr/dwa.py`).
 pub const DWA: [&[u8]; 2] = [include_bytes!("exr/dwaa.exr"), include_bytes!("exr/dwab.exr")];
 
 /// An image of some channels, in lines and with little compression.
@@ -93,8 +93,8 @@ pub fn floats(depths: &[f32]) -> FlatSamples {
     FlatSamples::F32(depths.to_vec())
 }
 
-/// [`steps`] of a size as floats and as halves, with each compression in lines and in tiles, and a float among other channels; then
-/// among other layers and levels. By what they are.
+/// [`steps`] of a size as floats and as halves, with each compression in lines and in tiles. Then a float
+/// among other channels, and among other layers and levels. By what they are.
 #[must_use]
 pub fn all_kinds(size: [usize; 2]) -> Vec<(String, Vec<u8>)> {
     let depths = steps(size[0] * size[1]);

@@ -246,8 +246,8 @@ pub fn morphed(interpolation: &str, weights: &[f32], extra: &Value) -> Vec<u8> {
 /// The tangents of a second target and those at the ends move nothing; out of the first key go 8 a second.
 pub const MORPH_SPLINE: [f32; 12] = [9.0, 9.0, 0.0, 0.0, 8.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9.0, 9.0];
 
-/// A triangle with three animations of two seconds that go up by 6: the first moves a node that shows nothing, the second a node
-/// above that of the triangle, the third that one.
+/// A triangle with three animations of two seconds that go up by 6. The first moves a node that shows
+/// nothing, the second a node above that of the triangle, the third that one.
 #[must_use]
 pub fn of_several_animations() -> Vec<u8> {
     let mut data = Data::default();

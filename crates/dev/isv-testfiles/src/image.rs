@@ -1,5 +1,5 @@
-//! Images of textures, as other programs write them. All that are not grey show the same gradient of 16 x 16 pixels; `make.py` beside
-//! the files has made those that no crate of ours writes.
+//! Images of textures, as other programs write them. All that are not grey show the same gradient of 16 x 16
+//! pixels. `make.py` beside the files has made those that no crate of ours writes.
 
 use png::{BitDepth, ColorType, Compression, Encoder};
 

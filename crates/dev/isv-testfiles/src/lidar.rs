@@ -55,8 +55,8 @@ pub fn file(format: u8, compressed: bool, extra_bytes: u16, count: usize) -> Vec
     writer.into_inner().unwrap().into_inner()
 }
 
-/// The time of a point: in runs of several points, of interleaved sequences, some of which end and others begin; they go on evenly,
-/// stand still, and jump by all multiples of what was before.
+/// Time of a point. Times are in runs of several points, of interleaved sequences, some of which end and
+/// others begin. They go on evenly, stand still, and jump by all multiples of what was before.
 fn time(point: usize) -> f64 {
     let sequence = point / 7 % 3 + point / 210 % 4;
     let step = point as i64 - i64::from(point % 11 == 10);
@@ -101,8 +101,8 @@ pub fn item_versions(format: u8, extra_bytes: u16) -> [Vec<LazItem>; 2] {
     }
 }
 
-/// A file of [`file()`] without compression as LASzip makes it of that, with these codes and so many points a chunk: what the crate
-/// `las` does not write.
+/// A file of [`file()`] without compression as LASzip makes it of that, with these codes and so many points a
+/// chunk. The crate `las` does not write such files.
 #[must_use]
 pub fn compressed(file: &[u8], items: Vec<LazItem>, chunk_points: u32) -> Vec<u8> {
     let header_bytes = usize::from(u16::from_le_bytes([file[94], file[95]]));
@@ -143,13 +143,13 @@ pub fn without_chunks(chunked: &[u8]) -> Vec<u8> {
     pointwise
 }
 
-/// Where LASzip's record starts in a file of this module, whose first record it is.
+/// Start of LASzip's record in a file of this module, whose first record it is.
 #[must_use]
 pub fn laszip_record(file: &[u8]) -> usize {
     usize::from(u16::from_le_bytes([file[94], file[95]])) + 54
 }
 
-/// Where the points of a file start.
+/// Start of the points of a file.
 #[must_use]
 pub fn points_offset(file: &[u8]) -> usize {
     u32::from_le_bytes([file[96], file[97], file[98], file[99]]) as usize

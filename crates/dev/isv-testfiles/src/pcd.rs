@@ -26,7 +26,7 @@ fn baroque_fields() -> Vec<[Vec<u8>; 10]> {
     points.map(fields).to_vec()
 }
 
-/// The same three points, with normals and a viewpoint, in each encoding: text, binary, compressed.
+/// Three points, with normals and a viewpoint, in each encoding: text, binary, compressed.
 #[must_use]
 pub fn baroque_files() -> [Vec<u8>; 3] {
     let fields = baroque_fields();

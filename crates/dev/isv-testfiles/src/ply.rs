@@ -21,8 +21,9 @@ pub fn pyramid() -> TriangleMesh {
     }
 }
 
-/// A file whose mesh is [`pyramid`], with everything PLY allows around it: an element before, between and after, extra
-/// properties, lists among the vertices, unusual types, a polygon of four corners, faces before vertices.
+/// A file whose mesh is [`pyramid`], with everything PLY allows around it. It has an element before, between
+/// and after, extra properties, lists among the vertices, unusual types, a polygon of four corners, and faces
+/// before vertices.
 #[must_use]
 pub fn baroque(encoding: &str) -> Vec<u8> {
     let mut header = format!("ply\nformat {encoding} 1.0\ncomment made by a test\nobj_info x\n");
@@ -59,8 +60,8 @@ pub fn baroque(encoding: &str) -> Vec<u8> {
     body.bytes
 }
 
-/// A triangle with corners at 0, 1 along x and 2 along y, all of whose numbers are of one type; a floating one is not used for
-/// indices.
+/// A triangle with corners at 0, 1 along x and 2 along y, all of whose numbers are of one type. A floating
+/// one is not used for indices.
 #[must_use]
 pub fn triangle_of_type(encoding: &str, kind: &str) -> Vec<u8> {
     let index = if matches!(kind, "float" | "double") { "int" } else { kind };

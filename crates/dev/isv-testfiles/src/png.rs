@@ -12,7 +12,7 @@ pub fn depths(columns: u32, values: &[u16]) -> Vec<u8> {
     filtered(columns, values, Filter::Adaptive)
 }
 
-/// The same with each filter, and in passes.
+/// Images with each filter, and in passes.
 #[must_use]
 pub fn all_kinds(columns: u32, values: &[u16]) -> Vec<Vec<u8>> {
     let mut files = FILTERS.map(|filter| filtered(columns, values, filter)).to_vec();

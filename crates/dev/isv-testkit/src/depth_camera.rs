@@ -6,8 +6,9 @@ use isv_volume::{CameraPose, DepthImage, Image, Intrinsics, Rgb, TriangleMesh};
 /// Triangles with a corner nearer to the camera's plane than this are not drawn, in metres.
 const NEAR_M: f64 = 1e-3;
 
-/// What a perfect depth camera sees of a mesh, from either side of its triangles: at the centre of each pixel the depth
-/// of the first triangle on the ray, or no reading. Triangles that reach behind the camera are left out whole.
+/// Image that a perfect depth camera sees of a mesh, from either side of its triangles. At the centre of each
+/// pixel it has the depth of the first triangle on the ray, or no reading. Triangles that reach behind the
+/// camera are left out whole.
 ///
 /// # Panics
 /// If the intrinsics are not valid.
@@ -106,8 +107,9 @@ pub fn look_at(from: DVec3, to: DVec3) -> CameraPose {
     CameraPose { rotation: DMat3::from_cols(right, forward.cross(right), forward), centre: from }
 }
 
-/// Eight cameras around a bounding box, as captures place them: 45 degrees apart, by turns a quarter of the distance
-/// below and above the box's centre, which all of them look at, and so far away that the box fits each image.
+/// Eight cameras around a bounding box, as captures place them, 45 degrees apart. By turns they stand a
+/// quarter of the distance below and above the box's centre, which all of them look at. They are so far away
+/// that the box fits each image.
 #[must_use]
 pub fn camera_ring((low, high): (DVec3, DVec3), intrinsics: &Intrinsics) -> [CameraPose; 8] {
     let (centre, radius) = ((low + high) / 2.0, (high - low).length() / 2.0);

@@ -49,7 +49,7 @@ pub fn cube(half: f64) -> TriangleMesh {
     mesh
 }
 
-/// The same without its side at `+z`.
+/// A box without its side at `+z`.
 #[must_use]
 pub fn open_box(half: f64) -> TriangleMesh {
     let mut mesh = cube(half);

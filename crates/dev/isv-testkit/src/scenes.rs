@@ -21,8 +21,8 @@ pub fn waves(side_m: f64, t: f64) -> TriangleMesh {
     field(side_m, 0.1, height)
 }
 
-/// A street of houses on uneven ground in which some cars drive, at `t` seconds: a square of `side_m` along an edge around the
-/// origin, 20 m high at most.
+/// A street of houses on uneven ground in which some cars drive, at `t` seconds. It is a square of `side_m`
+/// along an edge around the origin, 20 m high at most.
 #[must_use]
 pub fn street(side_m: f64, t: f64) -> TriangleMesh {
     let height = |x: f64, y: f64| 0.3 * (0.11 * x).sin() * (0.17 * y).cos();

@@ -8,8 +8,9 @@ thread_local! {
     static INSIDE: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Keeps the messages of panics in foreign parsers off standard error from now on, where they would read as faults of isv: each is a refusal
-/// of a file. It wraps the panic hook of the whole process, so programs call it, and libraries leave the hook alone.
+/// Keeps the messages of panics in foreign parsers off standard error from now on. They would read as faults
+/// of isv, but each is a refusal of a file. The function wraps the panic hook of the whole process: programs
+/// call it, and libraries leave the hook alone.
 pub fn hush_foreign_panics() {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {
@@ -24,8 +25,9 @@ pub fn hush_foreign_panics() {
 
 /// Runs a parser of a foreign library; `None` if it panics.
 ///
-/// The last resort, after everything that can be checked before the call has been: libraries index their tables with
-/// what the file says, and one damaged file must not end a run over thousands. Nothing that the parser touched is used after a panic.
+/// The last resort, after everything that can be checked before the call has been. Libraries index their
+/// tables with what the file says, and one damaged file must not end a run over thousands. Nothing that the
+/// parser touched is used after a panic.
 pub fn catch_panic<T>(parse: impl FnOnce() -> T) -> Option<T> {
     let outer = INSIDE.replace(true);
     let result = panic::catch_unwind(AssertUnwindSafe(parse));

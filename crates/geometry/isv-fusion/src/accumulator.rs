@@ -7,8 +7,8 @@ use isv_volume::{DepthImage, SparseVolume};
 
 /// Fuses images taken one after the other, by a camera that moves through a scene that stands still.
 ///
-/// Later images refine what was seen before, extend it, and take away what is no longer there: where they see past a voxel
-/// that was behind a surface, and have done so for longer than the surface had been seen, it becomes free space.
+/// Later images refine what was seen before, extend it, and take away what is no longer there. A voxel behind
+/// a surface becomes free space once images see past it, for longer than the surface had been seen.
 #[derive(Clone, Debug)]
 pub struct Accumulator<B: FusionBackend = Cpu> {
     settings: FusionSettings,
@@ -43,8 +43,9 @@ impl<B: FusionBackend> Accumulator<B> {
     /// Adds the images of one instant.
     ///
     /// # Errors
-    /// See [`FusionError`]; [`FusionSettings::max_blocks`] counts all blocks so far. After an error the accumulator is as
-    /// it was before, unless the backend failed while it added up: its sums are gone then, and every call gives that error.
+    /// See [`FusionError`]; [`FusionSettings::max_blocks`] counts all blocks so far. After an error the
+    /// accumulator is as it was before. If the backend failed while it added up, its sums are gone, and every
+    /// later call gives that error.
     pub fn integrate(&mut self, images: &[DepthImage]) -> Result<(), FusionError> {
         self.check_sums()?;
         let views = limits::checked_views(&mut self.backend, images, &self.settings)?;

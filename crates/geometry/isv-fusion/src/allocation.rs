@@ -13,9 +13,10 @@ const ROWS: usize = 16;
 /// Blocks that a strip finds before it tells the other strips.
 const REPORT: usize = 1024;
 
-/// Rays of an image for each of its pixels and for each block that is allowed. Where a pixel is more than half a block wide, it is
-/// cut into at most nine times the square of what it covers in halves of blocks, so this is enough for a surface that fills all blocks
-/// and is seen at 6 degrees. More there are only of pixels that are far wider than high, or the other way round.
+/// Rays of an image for each of its pixels and for each block that is allowed. A pixel more than half a block
+/// wide is cut into at most nine times the square of what it covers in halves of blocks. This is enough for a
+/// surface that fills all blocks and is seen at 6 degrees. Only pixels that are far wider than high, or far
+/// higher than wide, need more.
 const RAYS_PER_PIXEL: u64 = 16;
 const RAYS_PER_BLOCK: u64 = 64;
 
@@ -61,7 +62,7 @@ struct Rays<'a> {
     view: &'a View,
     /// Camera to world.
     rotation: DMat3,
-    /// Of the camera, in blocks.
+    /// Centre of the camera, in blocks.
     centre: DVec3,
     /// Voxels of the grid to a block, and voxels of the view.
     edge: f64,
@@ -85,7 +86,7 @@ impl<'a> Rays<'a> {
         }
     }
 
-    /// A number of blocks that the surface cannot do with less of: its area across the rays over the largest area that a
+    /// Least number of blocks that the surface needs: its area across the rays over the largest area that a
     /// plane cuts out of a block. It saves looking for what is far too much.
     fn least_blocks(&self) -> f64 {
         let lens = &self.view.intrinsics;

@@ -33,11 +33,11 @@ pub struct SampledBlocks {
     pub unobserved: Vec<VoxelMask>,
 }
 
-/// Who does the arithmetic on pixels and voxels. [`Cpu`] is the reference.
+/// Backend that does the arithmetic on pixels and voxels. [`Cpu`] is the reference.
 ///
-/// Fusion works in floating point, so that other backends may round differently: a sample then differs by a code or two, and where
-/// a reading is as good as on the border of a pixel, a band or a block, it may fall on the other side of it. The same backend gives
-/// the same result every time.
+/// Fusion works in floating point, so other backends may round differently. A sample then differs by a code
+/// or two. A reading as good as on the border of a pixel, a band or a block may fall on the other side of it.
+/// The same backend gives the same result every time.
 pub trait FusionBackend: fmt::Debug {
     /// The images of one instant, made ready, where this backend keeps them.
     type Views: fmt::Debug;

@@ -44,8 +44,8 @@ impl Blocks {
         Self { grid, coords, samples: sampled.samples, unobserved: sampled.unobserved }
     }
 
-    /// Makes unobserved what would show a surface that nobody saw, lets the field run on through what was not observed,
-    /// and drops the blocks without an observed voxel inside the band.
+    /// Makes unobserved what would show a surface that nobody saw, and lets the field run on through
+    /// unobserved voxels. Drops the blocks without an observed voxel inside the band.
     pub(crate) fn finish(mut self) -> SparseVolume {
         self.open_contradictions();
         let surface = self.trim_rims();

@@ -12,9 +12,9 @@ use rayon::prelude::*;
 const SAFE: i16 = CODES_PER_VOXEL as i16;
 
 impl Blocks {
-    /// Lets the field of each block run on through all its voxels. Makes voxels unobserved whose sign coding could turn, but
-    /// for the corners of surface cells, which are given: beside what was trimmed or contradicted the field still crosses
-    /// zero, and would show as specks.
+    /// Lets the field of each block run on through all its voxels. Makes voxels unobserved whose sign coding
+    /// could turn, but for the given corners of surface cells. Beside what was trimmed or contradicted, the
+    /// field still crosses zero, and would show as specks.
     pub(crate) fn continue_field(&mut self, surface: &[VoxelMask]) {
         let edge = self.grid.edge;
         let blocks =
@@ -42,9 +42,9 @@ struct Continued<'a> {
 }
 
 impl Continued<'_> {
-    /// Whether coding could turn a voxel that is no corner of a surface cell. What a sample was brought nearer to zero counts
-    /// against it, as bent fields are coded worst; beside the surface only in the first voxel, or pits would open where
-    /// coding moves the surface.
+    /// Whether coding could turn a voxel that is no corner of a surface cell. How far a sample was brought
+    /// nearer to zero counts against it, as bent fields are coded worst. Beside the surface only samples
+    /// within the first voxel could turn, or pits would open where coding moves the surface.
     fn could_turn(&self, voxel: usize) -> bool {
         if self.surface.contains(voxel) {
             return false;
@@ -86,9 +86,10 @@ fn known_mean(block: &[i16], edge: BlockEdge, voxel: usize) -> Option<i16> {
     (count > 0).then(|| (sum / count) as i16)
 }
 
-/// Brings samples nearer to zero that are too far from it beside their neighbours: no voxel is farther from the surface
-/// than its neighbour by more than one voxel, nor by more than that from a neighbour on the other side. Free and hidden
-/// voxels, which are only known to lie beyond the band, come down to the field around them.
+/// Brings samples nearer to zero that are too far from it beside their neighbours. No voxel is farther from
+/// the surface than its neighbour by more than one voxel. The same bound holds towards a neighbour on the
+/// other side. Free and hidden voxels, which are only known to lie beyond the band, come down to the field
+/// around them.
 fn limit_slope(block: &mut [i16], edge: BlockEdge) {
     let limit = |block: &mut [i16], voxel: usize| {
         let sample = block[voxel];

@@ -1,8 +1,8 @@
 //! Sign changes that no surface explains.
 //!
-//! Next to the outline of a thing its hidden inside meets the free space that was seen beside it, and a surface drawn
-//! between the two would run on behind the thing like a curtain. A distance changes by no more than one voxel from a voxel
-//! to the next, though, and there it changes by more.
+//! Next to the outline of a thing its hidden inside meets the free space that was seen beside it. A surface
+//! drawn between the two would run on behind the thing like a curtain. But a distance changes by no more than
+//! one voxel from a voxel to the next, and there it changes by more.
 
 use crate::backend::UNKNOWN;
 use crate::blocks::Blocks;

@@ -22,7 +22,7 @@ pub enum FusionError {
     Setting {
         /// The setting.
         name: &'static str,
-        /// Its value.
+        /// Value of the setting.
         value: f64,
         /// What it may be.
         range: &'static str,

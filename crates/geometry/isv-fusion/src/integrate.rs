@@ -9,11 +9,11 @@ use isv_volume::{BlockCoord, BlockEdge, Grid};
 /// [`Surfel`].
 #[derive(Clone, Debug, Default)]
 pub(crate) struct BlockSums {
-    /// Of the readings with the voxel in their band; [`HIDDEN`] for each that has it behind.
+    /// Weight of the readings with the voxel in their band; [`HIDDEN`] for each that has it behind.
     pub(crate) weight: Vec<f32>,
     /// Weight times distance.
     pub(crate) sum: Vec<f32>,
-    /// Of the readings that saw past the voxel.
+    /// Weight of the readings that saw past the voxel.
     pub(crate) free: Vec<f32>,
 }
 
@@ -88,8 +88,8 @@ impl BlockSums {
     }
 }
 
-/// What a reading at a distance counts. Behind a surface the weight falls with the fourth power: what lies there may belong
-/// to the far side of something thin, which other views know better.
+/// Weight of a reading at a distance. Behind a surface the weight falls with the fourth power. What lies
+/// there may belong to the far side of something thin, which other views know better.
 #[inline(always)]
 fn share(s: f32) -> f32 {
     let beyond = (-s - BEHIND).max(0.0);

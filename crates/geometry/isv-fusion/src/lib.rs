@@ -1,8 +1,9 @@
 //! Depth images to sparse TSDF volumes (paper Sec. 3.2, projective TSDF fusion, Eq. 3 to 5).
 //!
-//! Each voxel near a surface that a camera saw is projected into that camera's image and gets the distance to what the
-//! pixel shows; the distances from all images are averaged (Curless and Levoy 1996). What no camera saw stays unobserved,
-//! and no surface is drawn there. Work and memory grow with the area of the surface, never with the volume of space.
+//! Each voxel near a surface that a camera saw is projected into that camera's image and gets the distance to
+//! what the pixel shows. The distances from all images are averaged (Curless and Levoy 1996). What no camera
+//! saw stays unobserved, and no surface is drawn there. Work and memory grow with the area of the surface,
+//! never with the volume of space.
 //!
 //! - [`fuse`] makes a volume of the images of one instant: a rig of cameras around a performance.
 //! - An [`Accumulator`] goes on: a moving camera maps a scene that stands still, and later images refine and extend the
@@ -26,11 +27,11 @@
 //!
 //! The arithmetic on pixels and voxels belongs to a [`backend`], of which the CPU is the reference.
 //!
-//! How it works, by private module: `planes` fits a plane to each pixel of an image and finds the jumps in depth, `view`
-//! puts the planes into space and weighs them, `allocation` finds the blocks that they touch, `integrate` adds up what
-//! they say about each voxel. `blocks` makes samples of the sums; `contradictions` and `rims` make unobserved where a
-//! surface would be drawn that nobody saw, `continuation` chooses samples where there was no reading, and `limits` refuses
-//! what cannot be done.
+//! How it works, by private module: `planes` fits a plane to each pixel of an image and finds the jumps in
+//! depth. `view` puts the planes into space and weighs them. `allocation` finds the blocks that they touch,
+//! and `integrate` adds up what they say about each voxel. `blocks` makes samples of the sums.
+//! `contradictions` and `rims` make unobserved where a surface would be drawn that nobody saw. `continuation`
+//! chooses samples without a reading, and `limits` refuses what cannot be done.
 //!
 //! What it does not do: find poses, undistort images, or use colour.
 
@@ -72,8 +73,8 @@ pub struct FusionSettings {
     pub grid: Grid,
     /// Readings farther away than this along z, in metres, are left out; infinite to use all.
     pub max_depth_m: f64,
-    /// By how much the inverse depths of neighbouring pixels on one surface may differ through noise, in 1/m: by this
-    /// times the square of the depth in metres. Steps larger than noise and slant explain are jumps.
+    /// Largest difference of the inverse depths of neighbouring pixels on one surface through noise, in 1/m:
+    /// this times the square of the depth in metres. Steps larger than noise and slant explain are jumps.
     pub noise: f64,
     /// Images that need more blocks are refused. A block of a volume takes two bytes a voxel, one of an [`Accumulator`]
     /// twelve.
@@ -90,8 +91,9 @@ impl FusionSettings {
 
 /// Fuses the images of one instant into a volume.
 ///
-/// The blocks are those with an observed voxel inside the truncation band of a reading; in them, voxels in front of the
-/// band that were seen to be free have the largest sample. The result does not depend on the number of threads.
+/// The blocks are those with an observed voxel inside the truncation band of a reading. In them, voxels in
+/// front of the band that were seen to be free have the largest sample. The result does not depend on the
+/// number of threads.
 ///
 /// # Errors
 /// See [`FusionError`]; all of them are found before memory for samples is taken.
@@ -99,7 +101,7 @@ pub fn fuse(images: &[DepthImage], settings: &FusionSettings) -> Result<SparseVo
     fuse_on(&mut Cpu, images, settings)
 }
 
-/// The same, the arithmetic on pixels and voxels done by a backend.
+/// Fuses depth images into a volume, with the arithmetic on pixels and voxels done by a backend.
 ///
 /// # Errors
 /// See [`FusionError`].

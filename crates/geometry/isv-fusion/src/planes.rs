@@ -1,8 +1,8 @@
 //! Planes fitted to the pixels of a depth image.
 //!
-//! The inverse of depth is affine over the image where the surface is a plane, and the error of a triangulating sensor is
-//! the same everywhere in it. So each pixel gets the plane through the inverse depths of those pixels around it that
-//! lie on the same surface, by least squares.
+//! The inverse of depth is affine over the image where the surface is a plane. The error of a triangulating
+//! sensor is the same everywhere in it. So each pixel gets the plane through the inverse depths of those
+//! pixels around it that lie on the same surface, by least squares.
 
 use crate::FusionSettings;
 use isv_kernels::simd::vectorized;
@@ -24,8 +24,8 @@ pub(crate) struct PlaneFit {
 /// straight edge the share is a little over one half.
 const SUPPORT: [f32; 2] = [0.35, 0.75];
 
-/// Tangents of the slant that a surface may have against what is expected of it: for the first fit, which expects it to
-/// face the camera, and for the second, which follows the first and leaves room for curvature alone.
+/// Tangents of the slant that a surface may have against what is expected of it. The first fit expects it to
+/// face the camera. The second follows the first and leaves room for curvature alone.
 const SLANTS: [f32; 2] = [2.75, 0.3];
 
 /// Radius of the largest square of pixels that a plane is fitted to: 7 x 7.
@@ -58,8 +58,8 @@ pub(crate) fn fit_planes(image: &DepthImage, settings: &FusionSettings) -> Vec<P
     fits
 }
 
-/// Radius of the square of pixels that a plane is fitted to: pixels to a voxel at the median depth of an image, from 1 to 3. What
-/// is finer than a voxel is noise.
+/// Radius of the square of pixels that a plane is fitted to, from 1 to 3. It is the number of pixels to a
+/// voxel at the median depth of an image. What is finer than a voxel is noise.
 #[must_use]
 pub fn fit_radius(image: &DepthImage, settings: &FusionSettings) -> usize {
     let mut depths: Vec<f32> = image.depths_m().iter().copied().filter(|depth| *depth > 0.0).collect();
@@ -116,8 +116,8 @@ struct Tolerance {
 struct RowFit {
     /// What is expected at the pixel, and its gradient.
     expected: [Vec<f32>; 3],
-    /// Sums of 1, x, y, x^2, x y, y^2, r, x r, y r over the pixels at (x, y) whose inverse depth is r more than expected
-    /// at the centre.
+    /// Sums of 1, x, y, x^2, x y, y^2, r, x r, y r over pixels at (x, y). The inverse depth of such a pixel
+    /// is r more than expected at the centre.
     sums: [Vec<f32>; 9],
     /// Pixels around a pixel.
     taps: f32,

@@ -1,8 +1,8 @@
-//! Where the surface ends.
+//! Ends of the surface.
 //!
-//! Which voxels were seen is rough at the scale of a voxel: the surface would end in teeth and leave specks beside it. A
-//! surface cell that hangs on by less than two of its neighbours is taken away, and in turn those that hung on by it;
-//! then whole pieces that are too small to be anything but noise.
+//! Which voxels were seen is rough at the scale of a voxel: the surface would end in teeth and leave specks
+//! beside it. A surface cell that hangs on by less than two of its neighbours is taken away, and in turn
+//! those that hung on by it. Then whole pieces go that are too small to be anything but noise.
 
 use crate::blocks::Blocks;
 use isv_volume::{BlockIndex, VoxelMask};
@@ -119,7 +119,7 @@ impl Sides {
 /// All surface cells, block after block, in voxel order.
 struct Cells {
     list: Vec<Cell>,
-    /// Where each block's cells begin in the list, and the end of the last one's.
+    /// Beginning of each block's cells in the list, and the end of the last one's.
     first: Vec<u32>,
 }
 

@@ -6,8 +6,8 @@ use glam::{DMat3, DVec3, Vec3};
 use isv_volume::{DepthImage, Grid, Intrinsics};
 use rayon::prelude::*;
 
-/// Least cosine of the angle between a ray and the normal of the surface it meets: surfaces seen at less than 6 degrees
-/// are left out.
+/// Least cosine of the angle between a ray and the normal of the surface it meets. Surfaces seen at less than
+/// 6 degrees are left out.
 pub(crate) const LEAST_COSINE: f32 = 0.1;
 
 /// Voxels from a surface, within which lie all corners of the cells that it passes through: the diagonal of a cell, rounded
@@ -21,12 +21,12 @@ pub(crate) struct Surfel {
     pub(crate) normal: [f32; 3],
     /// Distance of the plane from the camera's centre.
     pub(crate) distance: f32,
-    /// Largest distance from the plane at which the reading says how far the surface is: that of a point one truncation
-    /// away along the ray, and enough to draw the surface.
+    /// Largest distance from the plane at which the reading says how far the surface is. It is that of a
+    /// point one truncation away along the ray, and enough to draw the surface.
     pub(crate) band: f32,
     /// What the reading counts in averages; 0 where there is none.
     pub(crate) weight: f32,
-    /// The same where it may say that the space before its surface is free; 0 near jumps.
+    /// Largest distance at which the reading may say that the space before its surface is free; 0 near jumps.
     pub(crate) free: f32,
 }
 

@@ -14,8 +14,8 @@ use support::{Coder, grid, mean, pieces};
 const LENS: Intrinsics =
     Intrinsics { width: 640, height: 576, focal: DVec2::splat(504.0), principal: DVec2::new(319.5, 287.5) };
 
-/// Whether a camera saw a point of the surface: the depth at the point's pixel is the point's to 5 mm (a pixel covers about
-/// 4 mm), and the ray meets the surface at 10 degrees or more.
+/// Whether a camera saw a point of the surface. The depth at the point's pixel must be the point's to 5 mm (a
+/// pixel covers about 4 mm). The ray must meet the surface at 10 degrees or more.
 fn saw(image: &DepthImage, sample: &SurfaceSample) -> bool {
     let at = image.pose().to_camera(sample.point);
     let pixel = image.intrinsics().project(at).round();

@@ -1,7 +1,8 @@
-//! Where a mesh is not closed.
+//! Boundary of a mesh: the edges at which it is not closed.
 //!
-//! Vertices at exactly the same position count as one, as exporters split them along texture seams. Most edges are run along as often
-//! one way as the other by the vertices that triangles name, so positions are compared only around those that are not.
+//! Vertices at exactly the same position count as one, as exporters split them along texture seams. By the
+//! vertices that triangles name, most edges are run along as often one way as the other. So positions are
+//! compared only around the others.
 
 use crate::tiles::VoxelMesh;
 use crate::topology::{NONE, Side};
@@ -13,17 +14,18 @@ use rayon::prelude::*;
 pub(crate) struct Boundary {
     /// The edges with one face, whichever way that faces.
     pub(crate) rims: Vec<Rim>,
-    /// The boundary of the mesh as a chain (its sides added up, of which opposite ones cancel out): ends of edges in the direction of
-    /// the sides that are too many, each as often as there are too many. As many begin at a vertex as end there.
+    /// The boundary of the mesh as a chain: its sides added up, of which opposite ones cancel out. It has the
+    /// ends of edges in the direction of the sides that are too many, each as often as there are too many. As
+    /// many begin at a vertex as end there.
     pub(crate) chain: Vec<[u32; 2]>,
-    /// For each vertex on the boundary the first one at exactly the same position, and [`NONE`] for others, except that some
-    /// which are not on the boundary may be known as well. Empty if nothing is on the boundary.
+    /// For each vertex on the boundary the first one at exactly the same position, and [`NONE`] for others.
+    /// Some vertices that are not on the boundary may be known as well. Empty if nothing is on the boundary.
     welded: Vec<u32>,
 }
 
 /// An edge with one face, in the direction of that face.
 pub(crate) struct Rim {
-    /// Its ends, by the first vertices at their positions.
+    /// Ends of the edge, by the first vertices at their positions.
     pub(crate) from: u32,
     pub(crate) to: u32,
     /// The first triangle that has it, and which of its sides it is.
@@ -32,7 +34,7 @@ pub(crate) struct Rim {
 
 /// A side of a triangle between suspects.
 struct SuspectSide {
-    /// Its ends, the lower in the high half.
+    /// Ends of the edge, the lower in the high half.
     ends: u64,
     /// The corner opposite, [`NONE`] if the triangle names a position twice.
     opposite: u32,
@@ -81,8 +83,9 @@ impl Boundary {
     }
 }
 
-/// Whether each vertex may be the end of an edge that triangles run along more often one way than the other, by the vertices that they
-/// name. All that are such ends are found, but for a chance of one in 2^64.
+/// Whether each vertex may be the end of an edge that triangles run along more often one way than the other.
+/// Edges are told apart by the vertices that triangles name. All that are such ends are found, but for a
+/// chance of one in 2^64.
 fn suspects(mesh: &VoxelMesh) -> Vec<bool> {
     // Each side adds what stands for its other end at its start, and takes it away at its end: sides that run both ways leave nothing.
     let mut sums = vec![0u64; mesh.vertices.len()];

@@ -1,10 +1,11 @@
 //! Sign changes that no surface explains.
 //!
-//! Over a wide hole, the triangles that close the mesh ([`crate::closure`]) part inside and outside in free space. Mostly that
-//! happens among voxels whose closest surface point lies on the hole's edge, which are unobserved; but where the rim bends inwards
-//! it happens between voxels closest to a face, and would leave a piece of invented surface there. No surface lies in the open
-//! balls around two voxels with their distances as radii. Two neighbours whose distances add up to more than a voxel are on one
-//! side of it; if not by their signs, both are unobserved as well. Away from masked blocks, where narrow holes are closed, only
+//! Over a wide hole, the triangles that close the mesh ([`crate::closure`]) part inside and outside in free
+//! space. Mostly that happens among voxels whose closest surface point lies on the hole's edge, which are
+//! unobserved. Where the rim bends inwards it happens between voxels closest to a face, and would leave a
+//! piece of invented surface there. No surface lies in the open balls around two voxels with their distances
+//! as radii. Two neighbours whose distances add up to more than a voxel are on one side of it. If their signs
+//! differ, both are unobserved as well. Away from masked blocks, where narrow holes are closed, only
 //! distances that no narrow hole has count.
 
 use crate::sampler::blend_across_hole;
@@ -19,7 +20,8 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Distances that add up to this many codes leave no surface between two neighbours: a voxel, and slack for rounding.
 const APART: u32 = CODES_PER_VOXEL as u32 + 4;
 
-/// The same where there may be a narrow hole: it is no wider than 3 voxels ([`crate::holes`]), and the voxels are those beside its middle.
+/// Sum of distances from which on two neighbours are too far apart where there may be a narrow hole. Such a
+/// hole is no wider than 3 voxels ([`crate::holes`]), and the voxels are those beside its middle.
 const FAR_APART: u32 = 5 * CODES_PER_VOXEL as u32;
 
 /// A voxel: its block, and its index there.
@@ -137,8 +139,8 @@ impl Blocks {
         found
     }
 
-    /// Looks at the voxel pairs along an axis inside a block, given twice, or across the face between two, of which the second
-    /// follows the first.
+    /// Looks at the voxel pairs along an axis. Both layers are of one block, which is given twice, or of two
+    /// blocks, of which the second follows the first.
     fn compare_layers(
         &self,
         edge: BlockEdge,

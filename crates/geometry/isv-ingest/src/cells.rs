@@ -1,12 +1,13 @@
-//! Where each part of a mesh can be the closest one (Mauch 2000, "A fast algorithm for computing the closest point and
-//! distance transform").
+//! Cells of the parts of a mesh: the space in which each part can be the closest one. They are those of Mauch
+//! 2000, "A fast algorithm for computing the closest point and distance transform".
 //!
-//! The closest point of a mesh lies inside a face, inside an edge, or on a vertex. Inside a face, it is the foot of the
-//! point asked for, which therefore stands in the prism over the face. On an edge, no face at that edge may hold a
-//! closer point: the point asked for lies beyond all of them, in a wedge. On a vertex, no edge there may hold a closer
-//! point, which leaves a cone. These cells are cut out by planes, and inside a cell the distance is that to the plane,
-//! line or point on which the part lies. They need nothing from the mesh: leaving a plane out makes a cell larger, never
-//! wrong, so soups, rims, duplicates and edges with many faces are all the same.
+//! The closest point of a mesh lies inside a face, inside an edge, or on a vertex. Inside a face, it is the
+//! foot of the point asked for, which therefore stands in the prism over the face. On an edge, no face at
+//! that edge may hold a closer point: the point asked for lies beyond all of them, in a wedge. On a vertex,
+//! no edge there may hold a closer point, which leaves a cone. These cells are cut out by planes. Inside a
+//! cell the distance is that to the plane, line or point on which the part lies. They need nothing from the
+//! mesh: leaving a plane out makes a cell larger, never wrong. So soups, rims, duplicates and edges with many
+//! faces are all the same.
 
 use crate::descent::SLACK;
 use crate::holes::WideHoles;
@@ -18,7 +19,8 @@ use rayon::prelude::*;
 /// A triangle whose height is below this share of its longest edge is no more than its edges: its plane is lost in rounding.
 const FLAT_SHARE: f64 = 1e-11;
 
-/// Of a triangle flatter than this share of its edge, the direction inwards is not exact enough to cut off anything.
+/// Share of its edge below which a triangle is too flat: its direction inwards is then not exact enough to
+/// cut off anything.
 const VAGUE_SHARE: f64 = 1e-7;
 
 /// Planes that cut out the cone of a vertex, at most; most vertices have no more edges.
@@ -53,8 +55,8 @@ pub(crate) struct Cell {
     /// The first of its planes: first the axes, then the sides, in front of which the cell lies, those first that bound the
     /// part itself.
     first: u32,
-    /// How many of its planes are axes, which are square to each other and whose heights make up the distance to the part: one
-    /// for a face, two for an edge, three for a vertex.
+    /// Number of the planes that are axes: one for a face, two for an edge, three for a vertex. Axes are
+    /// square to each other, and their heights make up the distance to the part.
     pub(crate) axes: u8,
     /// Whether the part lies on the edge of a wide hole.
     pub(crate) on_hole: bool,
@@ -64,7 +66,7 @@ pub(crate) struct Cell {
 #[derive(Default)]
 pub(crate) struct Cells {
     origin: DVec3,
-    /// As in [`Self::restart`].
+    /// Distance from the origin along each axis, as in [`Self::restart`].
     around: f32,
     cells: Vec<Cell>,
     planes: Vec<Plane>,
@@ -160,8 +162,8 @@ impl Cells {
         self.planes.extend_from_slice(planes);
     }
 
-    /// Adds the cells of triangles and of the edges and vertices they own, kind after kind: loops over cells then seldom meet
-    /// one with another number of planes than the last.
+    /// Adds the cells of triangles and of the edges and vertices they own, kind after kind. Loops over cells
+    /// then seldom meet one with another number of planes than the last.
     pub(crate) fn add(&mut self, parts: &Parts, faces: impl Iterator<Item = u32> + Clone) {
         for face in faces.clone() {
             self.add_face(parts, face);

@@ -9,9 +9,9 @@ use rustc_hash::FxHashMap;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Triangles whose boundary is that of a mesh the other way round, given as a chain ([`crate::boundary::Boundary`]). They
-/// span each loop by cutting off the corner with the shortest side opposite, again and again, which zips up cracks from end to end and
-/// leaves a round hole about flat.
+/// Triangles whose boundary is that of a mesh the other way round, given as a chain
+/// ([`crate::boundary::Boundary`]). They span each loop by cutting off the corner with the shortest side
+/// opposite, again and again. That zips up cracks from end to end and leaves a round hole about flat.
 pub(crate) fn close(chain: &[[u32; 2]], positions: &[DVec3]) -> Vec<[u32; 3]> {
     loops(chain).iter().flat_map(|cycle| span(cycle, positions)).collect()
 }

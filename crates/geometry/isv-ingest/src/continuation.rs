@@ -1,9 +1,10 @@
 //! Distances farther from the surface than was measured, continued outwards block by block.
 //!
-//! Distances grow by one a voxel along their gradient. The upwind discretisation of that (Rouy & Tourin 1992, "A viscosity
-//! solutions approach to shape-from-shading") gives a voxel's distance from the smaller ones of its neighbours along each axis, and
-//! sweeps over the block, back and forth, settle it (Zhao 2005, "A fast sweeping method for eikonal equations"). Distances come out
-//! a little too large, which is good enough for voxels that the surface never sees: they want a sign and a slope.
+//! Distances grow by one a voxel along their gradient. The upwind discretisation of that gives a voxel's
+//! distance from the smaller ones of its neighbours along each axis. It is that of Rouy & Tourin 1992, "A
+//! viscosity solutions approach to shape-from-shading". Sweeps over the block, back and forth, settle it
+//! (Zhao 2005, "A fast sweeping method for eikonal equations"). Distances come out a little too large. That
+//! is good enough for voxels that the surface never sees: they want a sign and a slope.
 
 use fearless_simd::{f32x8, prelude::*};
 
@@ -12,7 +13,8 @@ const N: usize = 8;
 /// Rows of voxels along x in a block.
 const ROWS: usize = N * N;
 
-/// The rows by the sums of y and z: each after those that it looks back at, and not right after them, so that it need not wait.
+/// Rows by the sums of y and z. Each comes after those that it looks back at, and not right after them, so
+/// that it need not wait.
 const DIAGONALS: [usize; ROWS] = {
     let (mut rows, mut place, mut sum) = ([0; ROWS], 0, 0);
     while sum < 2 * N - 1 {

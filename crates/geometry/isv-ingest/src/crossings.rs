@@ -1,10 +1,11 @@
 //! How often each voxel is enclosed: the winding number, counted along rows of voxels.
 //!
-//! Around a closed mesh, the winding number of a voxel is how many triangles the row of voxels along x passes from the front before
-//! it gets there, less how many from the back. Triangles are drawn onto the plane of y and z, as a picture is: each row is inside or
-//! outside of a triangle, exactly, and a row that meets an edge or a vertex is counted by the one triangle that has it by the rule
-//! of the rasterizers. Corners are moved onto a lattice of 2^-16 voxel for that, so the counts are exactly those of a closed mesh that
-//! is nowhere farther than that from the one given, and nothing is ever in doubt.
+//! Around a closed mesh, the winding number of a voxel counts triangles along its row of voxels in x. It is
+//! how many the row passes from the front before it gets there, less how many from the back. Triangles are
+//! drawn onto the plane of y and z, as a picture is. Each row is inside or outside of a triangle, exactly. A
+//! row that meets an edge or a vertex is counted by the one triangle that has it by the rule of the
+//! rasterizers. Corners are moved onto a lattice of 2^-16 voxel for that. So the counts are exactly those of
+//! a closed mesh that is nowhere farther than that from the given one, and nothing is in doubt.
 
 use crate::tiles::VoxelMesh;
 use glam::DVec3;
@@ -14,13 +15,13 @@ use std::ops::{Mul, Sub};
 
 /// Bits of a coordinate below the voxel.
 const FRACTION: u32 = 16;
-/// Where the centre of a voxel is.
+/// Centre of a voxel, on the lattice.
 const CENTRE: i64 = 1 << (FRACTION - 1);
 
-/// Of triangles no larger than this, in steps of the lattice, edge functions fit 64 bits.
+/// Largest triangle whose edge functions fit 64 bits, in steps of the lattice.
 const SMALL: i64 = 1 << 30;
 
-/// Of each row of a triangle wider than this, in voxels, the part inside is estimated before it is looked at.
+/// Width of a triangle (voxels) above which the part of each row inside is estimated before it is looked at.
 const WIDE: i64 = 16;
 
 /// Triangles drawn at a time.
@@ -38,7 +39,7 @@ pub(crate) struct Crossing {
 #[derive(Clone, PartialEq, Eq)]
 pub(crate) struct Column {
     edge_log2: u32,
-    /// Where the crossings of each row begin, y fastest, and where the last one's end.
+    /// Beginning of the crossings of each row, y fastest, and the end of the last one's.
     starts: Vec<u32>,
     crossings: Vec<Crossing>,
 }
@@ -57,7 +58,8 @@ pub(crate) struct Crossings {
 type Entry = ([i32; 2], Crossing);
 
 impl Crossings {
-    /// Of a mesh that some more triangles close. `edge_log2`: the edge of a tile in voxels, as a power of two.
+    /// Crossings of a mesh that some more triangles close. `edge_log2`: the edge of a tile in voxels, as a
+    /// power of two.
     pub(crate) fn new(mesh: &VoxelMesh, closing: &[[u32; 3]], edge_log2: u32) -> Self {
         let corners: Vec<Corner> = mesh.vertices.par_iter().map(Corner::at).collect();
         let draw = |triangles: &[[u32; 3]]| {
@@ -247,7 +249,8 @@ fn draw(triangle: &[&Corner; 3], entries: &mut Vec<Entry>) {
     }
 }
 
-/// The edge function of a side from one corner to another: positive where a point is on the left of it, in the plane of y and z.
+/// Edge function of a side from one corner to another, in the plane of y and z. It is positive for a point on
+/// the left of the side.
 fn edge_function<T: Wide>(from: &Corner, to: &Corner, [y, z]: [i64; 2]) -> T {
     T::from(to.y - from.y) * T::from(z - from.z) - T::from(to.z - from.z) * T::from(y - from.y)
 }

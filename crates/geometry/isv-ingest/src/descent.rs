@@ -1,8 +1,9 @@
 //! Which parts of a cube a cell reaches into, and how far its voxels are from the cell's part.
 //!
-//! All that is asked of a cell are the heights of points above its planes. Those of the eight centres of a cube's octants are
-//! that of its own centre plus the same eight differences at every size, only scaled with the cube. So going down from a cube
-//! to its octants costs a few additions for each plane, eight at a time, and at the end of it eight voxels are measured at once.
+//! The descent asks of a cell only the heights of points above its planes. Those of the eight centres of a
+//! cube's octants are that of its own centre plus eight differences. The differences are the same at every
+//! size, only scaled with the cube. So going down from a cube to its octants costs a few additions for each
+//! plane, eight at a time. At the end of it eight voxels are measured at once.
 
 use crate::cells::{Cells, EDGE_PLANES, FACE_PLANES, Plane, VERTEX_PLANES};
 use fearless_simd::{f32x8, prelude::*};
@@ -11,8 +12,8 @@ use glam::Vec3;
 /// Points evaluated together.
 pub(crate) const LANES: usize = 8;
 
-/// How far, in voxels, a point may lie outside a cell and still be taken for inside: well above `f32` rounding at the size of
-/// a tile (1e-5 voxels), so that no point falls between two cells.
+/// Farthest that a point may lie outside a cell and still be taken for inside, in voxels. It is well above
+/// `f32` rounding at the size of a tile (1e-5 voxels), so that no point falls between two cells.
 pub(crate) const SLACK: f32 = 1e-4;
 
 /// How many of a cell's sides bound its part, by its axes: three a face, two an edge, none a vertex.
@@ -98,7 +99,8 @@ impl<S: Simd, const AXES: usize, const PLANES: usize> Probe<S, AXES, PLANES> {
         octants
     }
 
-    /// The octants of a cube of `edge` voxels that the cell may have a voxel of in it, within `band` voxels of its part: a bit each.
+    /// Octants of a cube of `edge` voxels in which the cell may have a voxel within `band` voxels of its
+    /// part: a bit each.
     #[inline(always)]
     fn octants_reached(&self, octants: &[f32x8<S>; PLANES], edge: f32, band: f32) -> u64 {
         let simd = self.rises[0].simd;
@@ -156,7 +158,7 @@ impl<S: Simd, const AXES: usize, const PLANES: usize> Probe<S, AXES, PLANES> {
         }
     }
 
-    /// The same for a cube of 16 voxels, whose cubes of 2 x 2 x 2 voxels are numbered from `first`.
+    /// Measures a cube of 16 voxels, whose cubes of 2 x 2 x 2 voxels are numbered from `first`.
     #[inline(always)]
     fn measure_sixteen(&self, heights: &[f32; PLANES], first: usize, band: f32, target: &mut Target<'_>) {
         self.each_octant(
@@ -168,7 +170,7 @@ impl<S: Simd, const AXES: usize, const PLANES: usize> Probe<S, AXES, PLANES> {
         );
     }
 
-    /// The same for a cube of 8 voxels.
+    /// Measures a cube of 8 voxels, whose cubes of 2 x 2 x 2 voxels are numbered from `first`.
     #[inline(always)]
     fn measure_eight(&self, heights: &[f32; PLANES], first: usize, band: f32, target: &mut Target<'_>) {
         self.each_octant(
@@ -189,8 +191,9 @@ impl<S: Simd, const AXES: usize, const PLANES: usize> Probe<S, AXES, PLANES> {
         );
     }
 
-    /// Squared distances from the cell's part of the voxels of a cube of 2 x 2 x 2, infinite for those that the part has no foot
-    /// for. The other sides of the cell only cut off what is closer to another part, and there is nothing to fear from that.
+    /// Squared distances from the cell's part of the voxels of a cube of 2 x 2 x 2. They are infinite for
+    /// voxels that the part has no foot for. The other sides of the cell only cut off what is closer to
+    /// another part, and there is nothing to fear from that.
     #[inline(always)]
     fn inside(&self, heights: &[f32; PLANES]) -> f32x8<S> {
         let simd = self.rises[0].simd;
@@ -237,8 +240,9 @@ pub(crate) fn list_cells<S: Simd>(
     }
 }
 
-/// Lowers the squared distances of the voxels of a cube of 8, 16 or 32 voxels to those from the parts of the cells that `list`
-/// names: `nearest` of all, `on_hole` of parts on a wide hole, both in cubes of 2 x 2 x 2 voxels by their Morton numbers.
+/// Lowers the squared distances of the voxels of a cube of 8, 16 or 32 voxels. The new distances are those
+/// from the parts of the cells that `list` names. `nearest` is of all parts, `on_hole` of parts on a wide
+/// hole. Both are in cubes of 2 x 2 x 2 voxels by their Morton numbers.
 #[inline(always)]
 pub(crate) fn measure_cells<S: Simd>(
     simd: S,

@@ -14,7 +14,8 @@ pub(crate) struct Edges {
     sides: Vec<FaceSide>,
 }
 
-/// A side of a face: the ends of its edge, the lower in the high half; the corner opposite; four times the face, plus the side.
+/// Side of a face. It has the ends of its edge, the lower in the high half, the corner opposite, and four
+/// times the face plus the side.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct FaceSide {
     ends: u64,

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// The mesh without faces that have no area at all: an edge or a point, which in an offset shell would become a spike or a
-/// ball. Slivers stay.
+/// The mesh without faces that have no area at all. Such a face is an edge or a point, and an offset shell
+/// would make a spike or a ball of it. Slivers stay.
 pub(crate) fn with_area(mesh: &TriangleMesh) -> Cow<'_, TriangleMesh> {
     let has_area = |face: usize| {
         let [a, b, c] = mesh.corners(face);

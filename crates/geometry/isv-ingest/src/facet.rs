@@ -11,8 +11,8 @@ const FLAT: f64 = 1e-4;
 /// Farther than any voxel of a tile.
 const FAR_AWAY: f32 = 1e6;
 
-/// Planes of a facet: its own; those that hold a side and are square to the triangle, which lies above them; and those that are
-/// square to a side, at its start.
+/// Planes of a facet. The first is its own. The next ones hold a side and are square to the triangle, which
+/// lies above them. The last are square to a side, at its start.
 pub(crate) const OWN: usize = 0;
 pub(crate) const SIDES: usize = 1;
 pub(crate) const STARTS: usize = 4;
@@ -46,7 +46,7 @@ struct Shape<N> {
 
 /// A number, or a vector of them.
 trait Number: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> {
-    /// The same as a constant.
+    /// A constant of this kind of number.
     fn constant(self, value: f64) -> Self;
     fn root(self) -> Self;
     /// One value where this is larger than the other, another where not.
@@ -103,7 +103,7 @@ impl<S: Simd> Number for Vector<S> {
 }
 
 impl<N: Number> Shape<N> {
-    /// Of triangles that have an area.
+    /// Facets of triangles that have an area.
     #[inline(always)]
     fn from_corners(corners: [[N; 3]; 3]) -> Self {
         let [a, b, c] = corners;
@@ -157,7 +157,7 @@ impl Facet {
         facets
     }
 
-    /// As many triangles as a vector holds.
+    /// Makes facets of as many triangles as a vector holds.
     #[inline(always)]
     fn of_some<S: Simd>(simd: S, triangles: &[[DVec3; 3]], facets: &mut [Self]) {
         let mut corners = [[Vector::<S>(S::f64s::splat(simd, 0.0)); 3]; 3];

@@ -1,8 +1,9 @@
 //! Which edges of a mesh border a hole worth keeping open.
 //!
-//! Captures are almost closed: seams and cracks should vanish, but the open sole of a foot must not be covered by an
-//! invented surface. A hole is a connected set of edges with one face; its width is the hydraulic diameter 4 A / P, with
-//! P its length and A the magnitude of its vector area, which for a disc is the diameter and for a seam almost nothing.
+//! Captures are almost closed. Seams and cracks should vanish, but the open sole of a foot must not be
+//! covered by an invented surface. A hole is a connected set of edges with one face. Its width is the
+//! hydraulic diameter 4 A / P, with P its length and A the magnitude of its vector area. That is the diameter
+//! for a disc, and almost nothing for a seam.
 //!
 //! A crack all the way around a part counts as two wide holes, one on either side, as its two rims share no vertex.
 

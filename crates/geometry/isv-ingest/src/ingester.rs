@@ -30,10 +30,10 @@ const TILES_AT_ONCE: usize = 256;
 
 /// Makes volumes of the meshes of a sequence, of which it takes over what stands still.
 ///
-/// Each volume is the one that [`crate::ingest_mesh`] makes of the same mesh, bit for bit but for samples of unobserved voxels. With
-/// [`SignDecision::Sheet`], parts stay what they were in the frame before, closed or open. What is in
-/// the surroundings of triangles that stay where they were costs next to nothing, whichever their numbers are, as long as their order
-/// stays.
+/// Each volume is the one that [`crate::ingest_mesh`] makes of the same mesh, bit for bit but for samples of
+/// unobserved voxels. With [`SignDecision::Sheet`], parts stay what they were in the frame before, closed or
+/// open. Surroundings of triangles that stay where they were cost next to nothing. The triangles may be
+/// numbered anew, as long as their order stays.
 pub struct MeshIngester {
     settings: MeshIngest,
     before: Option<Frame<'static>>,
@@ -172,7 +172,7 @@ impl<'m> Frame<'m> {
         Ok(Self { scene, decision, sign, tiles, volume, kept })
     }
 
-    /// The same, for as long as one likes.
+    /// The frame with data of its own, which lives as long as one likes.
     fn into_owned(self) -> Frame<'static> {
         Frame { scene: self.scene.into_owned(), ..self }
     }

@@ -1,4 +1,5 @@
-//! The sampling of a mesh by somebody else, such as a GPU: what to sample is made ready here, and what was sampled is finished here.
+//! Sampling of a mesh by somebody else, such as a GPU. This module prepares what to sample, and finishes what
+//! was sampled.
 //!
 //! ```text
 //! TriangleMesh ─> MeshJob: checks, holes, triangles over them ─> LatticeMesh ─> distances and signs of blocks, elsewhere
@@ -24,9 +25,9 @@ use std::collections::{BTreeMap, BTreeSet};
 pub struct MeshJob<'m> {
     mesh: Cow<'m, TriangleMesh>,
     settings: MeshIngest,
-    /// Where blocks have to have a voxel.
+    /// Band in which blocks have to have a voxel.
     near: Band,
-    /// Where the rim of a wide hole may be closest.
+    /// Band in which the rim of a wide hole may be closest.
     band: Band,
     /// Delta of Eq. 9, if the surface is open.
     offset: Option<f64>,
@@ -100,8 +101,8 @@ impl<'m> MeshJob<'m> {
         self.has_sheets
     }
 
-    /// Up to which distance from a face a voxel is near: blocks with an observed one are those of the volume, and distances are
-    /// exact there. In voxels.
+    /// Distance from a face up to which a voxel is near, in voxels. Blocks with an observed near voxel are
+    /// those of the volume, and distances are exact there.
     #[must_use]
     pub fn near(&self) -> f64 {
         self.near.width

@@ -44,8 +44,9 @@ impl LatticeMesh {
         self.triangles.len() - self.faces - self.closing
     }
 
-    /// A mesh with the triangles that close it and the rims of its wide holes; `None` if it is so large that the lattice would be too
-    /// coarse, or has too many long triangles. `margin`: how far around it anything matters, in voxels.
+    /// A mesh with the triangles that close it and the rims of its wide holes. `None` if it is so large that
+    /// the lattice would be too coarse, or has too many long triangles. `margin`: how far around it anything
+    /// matters, in voxels.
     pub(crate) fn new(
         mesh: &VoxelMesh,
         closing: &[[u32; 3]],

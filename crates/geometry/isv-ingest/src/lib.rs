@@ -1,10 +1,11 @@
 //! Meshes and point clouds to sparse TSDF volumes (paper Sec. 3.2, explicit surface conversion).
 //!
-//! Every voxel within the truncation band of a triangle gets the distance to the closest triangle (Eq. 7), which is exact in all of the
-//! band or, where only the surface is wanted, near it ([`Reach`]). It is signed by how often the surface winds around the voxel, counted
-//! along rows of voxels, where the surface is closed (Eq. 8). Open parts are single sheets, signed by side ([`SignDecision::Sheet`]); or
-//! distances to an open mesh are lowered by a constant (Eq. 9, [`SignDecision::Offset`]). Work and memory grow with the area of the
-//! surface, never with the volume of its bounding box.
+//! Every voxel within the truncation band of a triangle gets the distance to the closest triangle (Eq. 7).
+//! The distance is exact in all of the band or, where only the surface is wanted, near it ([`Reach`]). On a
+//! closed surface its sign tells how often the surface winds around the voxel, counted along rows of voxels
+//! (Eq. 8). Open parts are single sheets, signed by side ([`SignDecision::Sheet`]); or distances to an open
+//! mesh are lowered by a constant (Eq. 9, [`SignDecision::Offset`]). Work and memory grow with the area of
+//! the surface, never with the volume of its bounding box.
 //!
 //! ```
 //! use isv_ingest::{MeshIngest, SignMode, decide_sign, ingest_mesh};
@@ -27,21 +28,23 @@
 //! assert!(volume.samples().any(|s| s < 0));
 //! ```
 //!
-//! How it works, by private module. `tiles` lists the triangles that matter in each cube of 4 x 4 x 4 blocks. Where only the surface is
-//! wanted, `scatter` measures near it, triangle by triangle (`facet`), and `continuation` goes on from there. In the whole band, `topology`
-//! says how faces, edges and vertices hang together, `cells` where each of them can be the closest part of the mesh, and `descent` goes
-//! down from a tile to the voxels in each cell, eight at a time, and measures. `boundary` finds where a mesh is not closed, `closure`
-//! closes it, and `crossings` counts its winding numbers along rows of voxels; `sides` holds what is inside. `holes` finds the openings that
-//! must stay open, `rims` the voxels that are closest to their edges, `caps` removes what the winding number would still close there, and
-//! `trim` takes teeth and specks off the surface's ends. `edges` lists all faces at each edge, `parts` finds parts without inside, and
-//! `sheets` on which side of them a voxel is. `sheet_block` measures where they are near, eight voxels at a time, `sheet_tile` one by one,
-//! and `false_crossings` takes away sign changes between them. `sign` tells open from closed surfaces, `lost_surface` what a volume does not
-//! show, and `limits` refuses what
-//! cannot be done. `sampler` puts the samples of a tile together. `scene` holds what a frame is made of, `reuse` finds what of it is as it
-//! was in the frame before, and `ingester` puts volumes together. Who samples elsewhere, as a GPU does, begins and ends with a `job`, which
-//! hands out the mesh on a `lattice`.
-//! Point clouds take a way of their own, in `points`: [`estimate_normals`] if they have none, [`decide_point_sign`],
-//! [`ingest_points`].
+//! How it works, by private module. `tiles` lists the triangles that matter in each cube of 4 x 4 x 4 blocks.
+//! Where only the surface is wanted, `scatter` measures near it, triangle by triangle (`facet`), and
+//! `continuation` goes on from there. In the whole band, `topology` says how faces, edges and vertices hang
+//! together. `cells` says where each of them can be the closest part of the mesh. `descent` goes down from a
+//! tile to the voxels in each cell, eight at a time, and measures. `boundary` finds where a mesh is not
+//! closed, and `closure` closes it. `crossings` counts its winding numbers along rows of voxels; `sides`
+//! holds what is inside. `holes` finds the openings that must stay open, and `rims` the voxels that are
+//! closest to their edges. `caps` removes what the winding number would still close there, and `trim` takes
+//! teeth and specks off the surface's ends. `edges` lists all faces at each edge, `parts` finds parts without
+//! inside, and `sheets` on which side of them a voxel is. `sheet_block` measures where they are near, eight
+//! voxels at a time, `sheet_tile` one by one. `false_crossings` takes away sign changes between them. `sign`
+//! tells open from closed surfaces, `lost_surface` what a volume does not show, and `limits` refuses what
+//! cannot be done. `sampler` puts the samples of a tile together. `scene` holds what a frame is made of.
+//! `reuse` finds what of it is as it was in the frame before, and `ingester` puts volumes together. Who
+//! samples elsewhere, as a GPU does, begins and ends with a `job`, which hands out the mesh on a `lattice`.
+//! Point clouds take a way of their own, in `points`: [`estimate_normals`] if they have none,
+//! [`decide_point_sign`], [`ingest_points`].
 
 mod boundary;
 mod caps;
@@ -116,10 +119,11 @@ pub enum Reach {
     /// Wherever a voxel is in the truncation band. Distances are exact in all of it.
     #[default]
     Band,
-    /// Where a voxel is within a voxel's diagonal of the surface: the blocks that hold the surface and the corners of the cells
-    /// that it passes through, which is all that profile `main` codes unless it is told to code the band. Distances are exact up to
-    /// there; farther from the surface they are only about right. Several times as fast. Blocks of other edges than 8, which that
-    /// profile does not have, get the band.
+    /// The surface alone: blocks with a voxel within a voxel's diagonal of the surface. They hold the surface
+    /// and the corners of the cells that it passes through. That is all that profile `main` codes unless it
+    /// is told to code the band. Distances are exact up to there; farther from the surface they are only
+    /// about right. Several times as fast. Blocks of other edges than 8, which that profile does not have,
+    /// get the band.
     Surface,
 }
 
@@ -154,10 +158,12 @@ impl MeshIngest {
 
 /// Samples the distance field of a mesh (Eq. 1, 2, 7 to 9) in all blocks with an observed voxel in the band.
 ///
-/// Distances are exact to 1/1000 of a voxel before they are rounded to codes, as far as [`Reach`] says. With [`SignDecision::Closed`], voxels whose
-/// closest surface point lies on the edge of a hole wider than 3 voxels are unobserved, as far as that is exact; narrower holes are closed. What
-/// belongs to nothing closed is lost: see [`lost_surface_share`]. Faces without area are left out. The result is the same for any number
-/// of threads. Of the meshes of a sequence, [`MeshIngester`] makes the same, and takes over what stands still.
+/// Distances are exact to 1/1000 of a voxel before they are rounded to codes, as far as [`Reach`] says. With
+/// [`SignDecision::Closed`], voxels whose closest surface point lies on the edge of a hole wider than 3
+/// voxels are unobserved. That holds as far as distances are exact. Narrower holes are closed. What belongs
+/// to nothing closed is lost: see [`lost_surface_share`]. Faces without area are left out. The result is the
+/// same for any number of threads. Of the meshes of a sequence, [`MeshIngester`] makes the same, and takes
+/// over what stands still.
 ///
 /// # Errors
 /// See [`IngestError`]; all of them are found before memory for samples is taken.

@@ -15,7 +15,7 @@ pub(crate) fn check_offset(settings: &MeshIngest, sign: SignDecision) -> Result<
     }
 }
 
-/// The same for points.
+/// Offset of points (voxels): that of the settings for points without sides, zero for oriented ones.
 pub(crate) fn check_points_offset(settings: &PointIngest, sign: PointSign) -> Result<f64, IngestError> {
     match sign {
         PointSign::Oriented => Ok(0.0),
@@ -35,7 +35,8 @@ pub(crate) fn check_range(mesh: &TriangleMesh, grid: &Grid, offset: f64) -> Resu
     check_bounds(mesh.bounds(), grid, offset, grid.edge.voxels())
 }
 
-/// The same for points, which are also sorted into `cubes` of that many voxels.
+/// Refuses points that reach beyond the range of block coordinates, or of `cubes` of that many voxels, into
+/// which they are also sorted.
 pub(crate) fn check_points_range(
     cloud: &PointCloud,
     grid: &Grid,
@@ -84,8 +85,8 @@ pub(crate) fn list_tiles(
     Err(FitError::too_many_blocks(&settings.grid, limit, mesh.area(), count).into())
 }
 
-/// Refuses meshes whose holes are so wide that the triangles that close them alone would take more blocks than allowed, and says which
-/// voxel size they would not at.
+/// Refuses meshes whose holes are so wide that the triangles that close them alone would take more blocks
+/// than allowed. Says at which voxel size they would not.
 pub(crate) fn check_closing(
     mesh: &VoxelMesh,
     closing: &[[u32; 3]],

@@ -7,10 +7,11 @@ use isv_volume::{BlockCoord, BlockIndex, SparseVolume, TriangleMesh};
 
 /// Share of a mesh's area, 0 to 1, that a volume made of it does not show. The area is looked at in about a thousand places.
 ///
-/// With a sign by winding number that is what has outside on both sides: what belongs to nothing closed, such as a sheet beside a body,
-/// and what is thinner than a voxel. Parts that overlap, and so have inside on both sides, are not lost, nor are places with unobserved
-/// voxels around them. With [`SignDecision::Sheet`] it is what has no cell around it that a surface is drawn in, and no inside all
-/// around: what is thinner than a voxel, and layers and junctions that the grid cannot hold. An offset shell loses nothing.
+/// With a sign by winding number, lost surface has outside on both sides. It belongs to nothing closed, such
+/// as a sheet beside a body, or is thinner than a voxel. Parts that overlap, and so have inside on both
+/// sides, are not lost, nor are places with unobserved voxels around them. With [`SignDecision::Sheet`], lost
+/// surface has no cell around it that a surface is drawn in, and no inside all around. It is thinner than a
+/// voxel, or a layer or junction that the grid cannot hold. An offset shell loses nothing.
 #[must_use]
 pub fn lost_surface_share(mesh: &TriangleMesh, volume: &SparseVolume, sign: SignDecision) -> f64 {
     let voxels = Voxels { volume, index: volume.index() };

@@ -13,8 +13,8 @@ use std::borrow::Cow;
 use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
-/// Share of a part's area whose faces agree already, from which on their side is kept; below it outside is where the part's volume is
-/// positive.
+/// Share of a part's area whose faces agree already, from which on their side is kept. Below it, outside is
+/// where the part's volume is positive.
 const MAJORITY: f64 = 0.75;
 
 /// Share of faces with a back of their own from which on a mesh is a two-sided one. Fewer are folds, whose sides cancel out by themselves.
@@ -27,8 +27,8 @@ struct Turned {
     is_watertight: bool,
 }
 
-/// Turns the faces of a mesh so that they agree, where that makes a solid of it: a body that is closed whatever its faces say, or looks
-/// closed only afterwards. Other meshes come back as they are.
+/// Turns the faces of a mesh so that they agree, where that makes a solid of it. Such a body is closed
+/// whatever its faces say, or looks closed only afterwards. Other meshes come back as they are.
 #[must_use]
 pub fn turn_faces(mesh: &TriangleMesh) -> Cow<'_, TriangleMesh> {
     if mesh.validate().is_err() {
@@ -90,9 +90,9 @@ impl FaceTurner {
     }
 }
 
-/// Counts the edges along which faces disagree: not as many run along them one way as the other. Doubled faces that face both ways
-/// agree here. Vertices at one place are one, as in soups and along seams, but are looked up only where a face has no neighbour by the
-/// vertices that it names.
+/// Counts the edges along which faces disagree: not as many run along them one way as the other. Doubled
+/// faces that face both ways agree here. Vertices at one place are one, as in soups and along seams. They are
+/// looked up only where a face has no neighbour by the vertices that it names.
 fn uneven_edges(mesh: &TriangleMesh) -> usize {
     // Two indices and a bit share a word. Larger meshes have no room in memory.
     if mesh.vertices.len() > 1 << 31 {
@@ -129,7 +129,8 @@ fn uneven_edges(mesh: &TriangleMesh) -> usize {
     shared + sides.chunk_by(same_edge).filter(|faces| is_uneven(faces)).count()
 }
 
-/// A side of a face: the two ends of its edge, the lower one first, and whether the face runs from the higher to the lower.
+/// Side of a face: the two ends of its edge, the lower one first, and whether the face runs from the higher
+/// one.
 struct Edge {
     ends: [u32; 2],
     face: u32,
@@ -242,8 +243,8 @@ impl Orientation {
         part
     }
 
-    /// Whether a part must be turned over as a whole: against the majority of its faces as they were, or, without one, so that its volume
-    /// is positive.
+    /// Whether a part must be turned over as a whole. The majority of its faces as they were decides or,
+    /// without one, the sign of its volume, which must be positive.
     fn is_outside_in(&self, part: &[u32], mesh: &TriangleMesh, triangles: &[[u32; 3]]) -> bool {
         let corners = |face: u32| triangles[face as usize].map(|vertex| mesh.vertices[vertex as usize]);
         let middle = corners(part[0])[0];

@@ -1,9 +1,10 @@
 //! The connected parts of a mesh, and which of them have an inside.
 //!
-//! Faces that share an edge are of one part. A part along whose edges as many faces run one way as the other has an inside, unless it
-//! encloses nothing. Others have one if nine tenths of their area look closed, by the winding number of the part alone or of all parts
-//! whose borders meet: a body may be cut into pieces, down to single triangles. In a sequence, a part that is about where one was and
-//! about as large keeps what was decided of that one, so that nothing flickers.
+//! Faces that share an edge are of one part. A part along whose edges as many faces run one way as the other
+//! has an inside, unless it encloses nothing. Other parts have one if nine tenths of their area look closed.
+//! The winding number of the part alone, or of all parts whose borders meet, tells. A body may be cut into
+//! pieces, down to single triangles. In a sequence, a part that is about where one was, and about as large,
+//! keeps what was decided of that one. So nothing flickers.
 
 use crate::edges::Edges;
 use crate::sign::{CLOSED_SHARE, SAMPLES, closed_share, closed_share_of_first};
@@ -19,8 +20,8 @@ const FEWEST_FACES: usize = 4;
 /// Places that the smallest part is looked at in; the largest is looked at in [`SAMPLES`].
 const FEWEST_SAMPLES: usize = 64;
 
-/// Overlap of the bounding boxes of a part and of one in the frame before, as a share of the box around both, from which both may be the
-/// same.
+/// Overlap of the bounding boxes of a part and of one in the frame before, from which both may be the same.
+/// It is a share of the box around both.
 const OVERLAP: f64 = 0.5;
 
 /// Growth or shrinking of a part's area from one frame to the next, as a factor, up to which it may be the same part.

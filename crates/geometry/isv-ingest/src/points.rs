@@ -1,10 +1,11 @@
 //! Point clouds to sparse TSDF volumes (paper Sec. 3.2).
 //!
-//! Points with normals become surfels, small discs as wide as the points are apart (`surfels`). Near them the distance is a
-//! smooth blend of the heights over their planes (`near`), taken back to where points were captured (`ends`). Where that
-//! field crosses zero are the sites (`sites`), and the distance everywhere else in the band is that to the closest site
-//! (`closest`), on the side that the field tells (`samples`) and neighbours agree on (`sides`). Points without normals are
-//! sites themselves, and the sample is their unsigned distance less the offset.
+//! Points with normals become surfels, small discs as wide as the points are apart (`surfels`). Near them the
+//! distance is a smooth blend of the heights over their planes (`near`), taken back to where points were
+//! captured (`ends`). The sites are where that field crosses zero (`sites`). Everywhere else in the band the
+//! distance is that to the closest site (`closest`). The field tells its side (`samples`), and neighbours
+//! must agree on it (`sides`). Points without normals are sites themselves, and the sample is their unsigned
+//! distance less the offset.
 
 mod bricks;
 mod closest;
@@ -68,11 +69,11 @@ impl PointIngest {
 
 /// Samples the distance field of a point cloud (Eq. 1, 2, 9 and Sec. 3.2) in all blocks with an observed voxel in the band.
 ///
-/// With [`PointSign::Oriented`] the surface passes smoothly near the points, wherever they are at most 3 voxels apart;
-/// points that are farther from all others, and points without a normal, are left out. Gaps of up to 3 voxels, or 4 times the distance
-/// between points, are closed; voxels beyond the border of a wider one are unobserved. With [`PointSign::Offset`] the
-/// distance is that to the points themselves, of which those within half a voxel count as one. The result is the same
-/// for any number of threads.
+/// With [`PointSign::Oriented`] the surface passes smoothly near the points, wherever they are at most 3
+/// voxels apart. Points that are farther from all others, and points without a normal, are left out. Gaps of
+/// up to 3 voxels, or 4 times the distance between points, are closed; voxels beyond the border of a wider
+/// one are unobserved. With [`PointSign::Offset`] the distance is that to the points themselves, of which
+/// those within half a voxel count as one. The result is the same for any number of threads.
 ///
 /// # Errors
 /// See [`IngestError`]; that there are too many blocks is found before memory for samples is taken.

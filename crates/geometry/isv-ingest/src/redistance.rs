@@ -9,9 +9,9 @@ use std::collections::BTreeMap;
 /// nearer to it say where it is, and stay; so do signs and unobserved voxels. In blocks of one sign, voxels that are two voxels or more from
 /// the surface become unobserved: a cell with surface has no such corner. Blocks of nothing else are left out.
 ///
-/// Decoded frames of profile `main` need this before they are taken for what was captured: far from the surface their encoder looked at signs alone,
-/// and the blocks around the coded ones were extrapolated, each with the sign that most of its neighbours made likely.
-/// `max_blocks`: as [`MeshIngest::max_blocks`].
+/// Decoded frames of profile `main` need this before they are taken for what was captured. Far from the
+/// surface their encoder looked at signs alone. The blocks around the coded ones were extrapolated, each with
+/// the sign that most of its neighbours made likely. `max_blocks`: as [`MeshIngest::max_blocks`].
 ///
 /// # Errors
 /// As [`ingest_mesh`].

@@ -13,12 +13,12 @@ use glam::IVec3;
 use rayon::prelude::*;
 use rustc_hash::FxHashSet;
 
-/// So many tiles away from one that touches a wide hole, samples may be other than by what is in the tile: caps and rims look
-/// five blocks far.
+/// Distance in tiles from one that touches a wide hole, up to which samples may depend on more than their
+/// tile. Caps and rims look five blocks far.
 const AROUND_HOLES: i32 = 2;
 
-/// Pairs the tiles of a scene with those of the one before, by their places: for each tile which it was, `None` if there was none;
-/// and the tiles that are no more.
+/// Pairs the tiles of a scene with those of the one before, by their places. Gives for each tile which it
+/// was, `None` if there was none, and the tiles that are no more.
 pub(crate) fn pair(tiles: &[Tile], before: &[Tile]) -> (Vec<Option<usize>>, Vec<IVec3>) {
     let (mut pairs, mut gone, mut next) = (Vec::with_capacity(tiles.len()), Vec::new(), 0);
     for tile in tiles {
@@ -121,7 +121,7 @@ fn around_holes(beside: &[IVec3]) -> FxHashSet<IVec3> {
     around
 }
 
-/// Those of some places that can be reached from the seeds among them, from each to any that touches it.
+/// Places that can be reached from the seeds among them, from each to any that touches it.
 fn flood(places: &FxHashSet<IVec3>, seeds: impl Iterator<Item = IVec3>) -> FxHashSet<IVec3> {
     let mut stack: Vec<IVec3> = seeds.filter(|seed| places.contains(seed)).collect();
     let mut reached: FxHashSet<IVec3> = stack.iter().copied().collect();

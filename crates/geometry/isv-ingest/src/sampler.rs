@@ -31,8 +31,8 @@ pub(crate) struct Source<'a> {
 }
 
 impl Source<'_> {
-    /// What unobserved samples are blended by, if they are: where the whole band is wanted they are coded like any other, and where only
-    /// the surface is they are not.
+    /// Sides that unobserved samples are blended by, if they are. They are coded like any other where the
+    /// whole band is wanted, and not coded where only the surface is.
     pub(crate) fn blending(&self) -> Option<&Sides> {
         match (self.sign, &self.scene.measure) {
             (Sign::Closed(sides), Measure::Exact(_)) => Some(sides),
@@ -50,7 +50,7 @@ impl Source<'_> {
     }
 }
 
-/// Where the sign of a sample comes from.
+/// Source of the sign of a sample.
 pub(crate) enum Sign {
     /// Eq. 8: what is inside.
     Closed(Sides),
@@ -132,7 +132,8 @@ pub(crate) struct Workspace {
     /// Cells of the tile at hand, relative to its centre, and those that reach into each of its octants.
     cells: Cells,
     lists: [Vec<u32>; LANES],
-    /// Squared distances of the octant at hand, in cubes of 2 x 2 x 2 voxels: of all parts, and of those on a wide hole.
+    /// Squared distances of the octant at hand, in cubes of 2 x 2 x 2 voxels, of all parts. The other list is
+    /// of those on a wide hole.
     nearest: Vec<[f32; LANES]>,
     on_hole: Vec<[f32; LANES]>,
     /// The voxels of a block by their Morton numbers.
@@ -373,8 +374,8 @@ fn voxel_at(edge: BlockEdge, number: usize) -> usize {
     edge.voxel_index(along(0), along(1), along(2))
 }
 
-/// The samples of unobserved voxels of a block: distance times `1 - 2 w`, with the generalized winding number, which passes through zero
-/// smoothly from one side of a hole to the other.
+/// Samples of the unobserved voxels of a block: distance times `1 - 2 w`, with the generalized winding
+/// number. It passes through zero smoothly from one side of a hole to the other.
 pub(crate) fn blend_across_hole(
     grid: &Grid,
     sides: &Sides,

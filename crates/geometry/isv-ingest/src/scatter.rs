@@ -1,8 +1,9 @@
 //! Distances near the surface, by scattering triangles into the voxels around them.
 //!
-//! Voxels are lowered in cubes of 2 x 2 x 2, eight at a time, wherever the ball around a triangle and its plane are near enough. It costs
-//! by the number of those cubes alone: nothing is asked about how triangles hang together, and nothing is searched for. What is known
-//! of a voxel already is not asked either: whatever depends on what the triangle before has stored waits for it. On request, the closest
+//! Voxels are lowered in cubes of 2 x 2 x 2, eight at a time. A cube takes part if the ball around a triangle
+//! and its plane are near enough. The cost goes by the number of those cubes alone. Nothing is asked about
+//! how triangles hang together, and nothing is searched for. What is known of a voxel already is not asked
+//! either: whatever depends on what the triangle before has stored waits for it. On request, the closest
 //! triangle and its feature are kept beside each distance ([`Closest`]).
 
 use crate::descent::LANES;
@@ -24,7 +25,7 @@ const HALF_DIAGONAL: f32 = 0.867;
 /// By how much rounding may change the height above a plane, in voxels.
 const SLACK: f32 = 1e-3;
 
-/// Of the voxels of a cube, how far each is from the first along each axis; and of eight cubes in a row.
+/// Distances of the voxels of a cube from the first along each axis, and the same for eight cubes in a row.
 pub(crate) const OFFSETS: [[f32; LANES]; 3] = [
     [0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0],
     [0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0],
@@ -36,8 +37,8 @@ const CUBES: [f32; LANES] = [0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0];
 const EDGES: u32 = 1;
 const CORNERS: u32 = 4;
 
-/// The triangle and the feature that is closest to a voxel, as one number: eight times the triangle's place in the list of its tile,
-/// plus the number of the feature.
+/// Triangle and feature that are closest to a voxel, as one number. It is eight times the triangle's place in
+/// the list of its tile, plus the number of the feature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Closest(pub(crate) u32);
 
@@ -107,8 +108,8 @@ impl Near {
 }
 
 impl TileDistances {
-    /// Takes the distances of the block at a position in the tile, x fastest, or leaves them alone and returns false if none is within
-    /// `reach`. Either way the tile has forgotten them.
+    /// Takes the distances of the block at a position in the tile, x fastest. Leaves them alone and returns
+    /// false if none is within `reach`. Either way the tile has forgotten them.
     #[inline(always)]
     pub(crate) fn take<S: Simd>(
         &mut self,
@@ -341,8 +342,8 @@ impl<S: Simd> Planes<S> {
         self.heights + self.growth[0] * x + self.growth[1] * y + self.growth[2] * z
     }
 
-    /// Lowers the squared distances of the voxels of a cube to those of this triangle, which has a place in the list of its tile, and
-    /// notes what of it is closest.
+    /// Lowers the squared distances of the voxels of a cube to those of this triangle, and notes what of it
+    /// is closest. The triangle has a place in the list of its tile.
     #[inline(always)]
     pub(crate) fn lower(
         &self,

@@ -48,7 +48,7 @@ impl Scene<'_> {
         Scene { mesh, list, measure: Measure::Near(rims) }
     }
 
-    /// The same, for as long as one likes.
+    /// The scene with data of its own, which lives as long as one likes.
     pub(crate) fn into_owned(self) -> Scene<'static> {
         Scene { mesh: self.mesh.into_owned(), ..self }
     }

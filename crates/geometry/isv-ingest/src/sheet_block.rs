@@ -1,9 +1,10 @@
 //! Distances and sides of the voxels of a block that has sheets, eight voxels at a time.
 //!
-//! The scatter ([`crate::scatter`]) knows the closest feature of each voxel near the surface. Each of the other voxels takes the closest
-//! face among those of the voxels around it (Danielsson 1980, "Euclidean distance mapping"), cube by cube. A pseudonormal makes a plane
-//! through its feature, so the side of a voxel is the sign of its height above the plane of its closest feature.
-//! [`crate::sheet_tile`] does the same voxel by voxel, for blocks of any edge.
+//! The scatter ([`crate::scatter`]) knows the closest feature of each voxel near the surface. Each of the
+//! other voxels takes the closest face among those of the voxels around it, cube by cube (Danielsson 1980,
+//! "Euclidean distance mapping"). A pseudonormal makes a plane through its feature. So the side of a voxel is
+//! the sign of its height above the plane of its closest feature. [`crate::sheet_tile`] does the same voxel
+//! by voxel, for blocks of any edge.
 
 use crate::descent::LANES;
 use crate::facet::Facet;

@@ -1,5 +1,5 @@
-//! Distances and sides of the voxels of a tile that has sheets, one by one: for blocks of other edges than 8, and as the reference of
-//! [`crate::sheet_block`].
+//! Distances and sides of the voxels of a tile that has sheets, one by one. They serve blocks of other edges
+//! than 8, and as the reference of [`crate::sheet_block`].
 //!
 //! Near the surface, each face is scattered into the voxels around it, which finds the closest face of each voxel. The other voxels
 //! take the closest face among those of their neighbours (Danielsson 1980, "Euclidean distance mapping"). Their distance and side are

@@ -1,9 +1,11 @@
 //! Open parts of a mesh as single sheets: on which side of them a point is, and where they end.
 //!
-//! The pseudonormal at the closest point of a sheet tells its front from its back (Baerentzen & Aanaes 2005, "Signed distance
-//! computation using the angle weighted pseudonormal"): the normal of a face, the sum of the normals at an edge, or their sum at a
-//! vertex, weighted by angle. Beyond a border the sheet continues in its plane for 0.75 voxel, and voxels farther out are unobserved.
-//! Voxels closest to an edge of more than two faces, or of two faces that disagree, are unobserved too: they have no side.
+//! The pseudonormal at the closest point of a sheet tells its front from its back. It is the normal of a
+//! face, the sum of the normals at an edge, or their sum at a vertex, weighted by angle. It is that of
+//! Baerentzen & Aanaes 2005, "Signed distance computation using the angle weighted pseudonormal". Beyond a
+//! border the sheet continues in its plane for 0.75 voxel, and voxels farther out are unobserved. Voxels
+//! closest to an edge of more than two faces, or of two faces that disagree, are unobserved too: they have no
+//! side.
 
 use crate::edges::{Edges, FaceSide};
 use crate::tiles::{Tile, VoxelMesh};

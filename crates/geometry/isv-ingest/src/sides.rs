@@ -7,13 +7,13 @@ use glam::{DVec3, IVec3};
 use isv_spatial::WindingNumber;
 use isv_volume::TriangleMesh;
 
-/// A change of the winding number that makes no difference to what nobody sees: an unobserved sample that is 8 voxels from a hole changes
-/// by as many codes.
+/// Change of the winding number that makes no difference to what nobody sees. An unobserved sample that is 8
+/// voxels from a hole changes by as many codes.
 const STEADY: f64 = 1.0 / 512.0;
 
 /// What is inside a mesh.
 pub(crate) struct Sides {
-    /// Of the mesh and the triangles that close it.
+    /// Crossings of the mesh and the triangles that close it.
     pub(crate) crossings: Crossings,
     pub(crate) caps: Caps,
 }
@@ -29,7 +29,7 @@ pub(crate) struct Caps {
 }
 
 impl Sides {
-    /// Of a mesh that some more triangles close. `holes`: those that are to stay open, if any.
+    /// Sides of a mesh that some more triangles close. `holes`: those that are to stay open, if any.
     pub(crate) fn new(
         mesh: &VoxelMesh,
         closing: &[[u32; 3]],
@@ -40,8 +40,8 @@ impl Sides {
         Self { crossings, caps: Caps::new(mesh, closing, holes, band) }
     }
 
-    /// The generalized winding numbers of voxels in the mesh as it is, with its holes (Jacobson et al. 2013): what they are in the
-    /// closed one, less what the triangles over the holes add.
+    /// Generalized winding numbers of voxels in the mesh as it is, with its holes (Jacobson et al. 2013).
+    /// They are those in the closed mesh, less what the triangles over the holes add.
     pub(crate) fn winding_numbers(&self, voxels: &[IVec3]) -> Vec<f64> {
         let whole = |voxel: &IVec3| f64::from(self.crossings.winding_number(voxel.to_array()));
         let Some(closing) = &self.caps.closing else { return voxels.iter().map(whole).collect() };

@@ -29,9 +29,9 @@ pub enum SignMode {
     Auto,
     /// Look at the mesh as a whole, as the paper does: [`Self::Closed`] if nine tenths of its area look closed, else [`Self::Offset`].
     Paper,
-    /// As for a closed surface (Eq. 8): negative inside.
+    /// Sign of a closed surface (Eq. 8): negative inside.
     Closed,
-    /// As for a surface without inside (Eq. 9): unsigned distance less a constant.
+    /// Sign of a surface without inside (Eq. 9): unsigned distance less a constant.
     Offset,
     /// Part by part: closed parts have an inside, open parts are single sheets, negative behind their faces.
     Sheet,
@@ -75,9 +75,10 @@ pub struct SignEvidence {
 
 /// Decides how to sign distances to a mesh: as `mode` says, or from the winding number on both sides of the surface.
 ///
-/// Just off a closed surface the winding number is close to a whole number on both sides, and not zero on one of them;
-/// just off an open sheet it is far from whole. A part is taken for closed when that holds for nine tenths of its
-/// area; so is the whole mesh by [`SignMode::Paper`]. Measured on the first frames of eight sequences:
+/// Just off a closed surface the winding number is close to a whole number on both sides, and not zero on one
+/// of them. Just off an open sheet it is far from whole. A part is taken for closed when that holds for nine
+/// tenths of its area; so is the whole mesh by [`SignMode::Paper`]. Measured on the first frames of eight
+/// sequences:
 ///
 /// | sequence | closed share | inverted share | share of open parts |
 /// |---|---|---|---|

@@ -1,8 +1,9 @@
 //! Which triangles matter where.
 //!
-//! Space is cut into tiles of 4 x 4 x 4 blocks. Every triangle is listed in each tile that it may bring a voxel of into
-//! the band; tiles no triangle reaches do not exist. A tile is the unit of parallel work, small enough that its
-//! triangles stay in cache and large enough that a triangle is listed only a few times (three or four on a human at 5 mm).
+//! Space is cut into tiles of 4 x 4 x 4 blocks. Every triangle is listed in each tile that it may bring a
+//! voxel of into the band; tiles no triangle reaches do not exist. A tile is the unit of parallel work. It is
+//! small enough that its triangles stay in cache, and large enough that a triangle is listed only a few
+//! times. That is three or four times on a human at 5 mm.
 
 use glam::{DVec3, IVec3};
 use isv_spatial::closest_on_triangle;
@@ -17,14 +18,15 @@ pub(crate) const TILE_BLOCKS: i32 = 4;
 /// Blocks in a tile.
 const TILE_VOLUME: usize = (TILE_BLOCKS * TILE_BLOCKS * TILE_BLOCKS) as usize;
 
-/// Triangles are taken in batches expected to make at most this many list entries, between which the numbers of tiles and of
-/// entries are checked against their limits. Until its batch is done, an entry takes up to a hundred bytes, where no tile has
-/// another one; from then on, up to twenty.
+/// Triangles are taken in batches expected to make at most this many list entries. Between batches the
+/// numbers of tiles and of entries are checked against their limits. Until its batch is done, an entry takes
+/// up to a hundred bytes, where no tile has another one; from then on, up to twenty.
 const BATCH_ENTRIES: f64 = 4_194_304.0;
 
-/// List entries of large triangles for each block that is allowed. Triangles that lie over one another share their blocks, and
-/// without this limit could be as many as a file has room for, each in all tiles. The blocks of a tile that a surface passes through
-/// are sixteen or more, so this lets 64 triangles into every tile of the largest volume.
+/// List entries of large triangles for each block that is allowed. Triangles that lie over one another share
+/// their blocks. Without this limit they could be as many as a file has room for, each in all tiles. The
+/// blocks of a tile that a surface passes through are sixteen or more. So this lets 64 triangles into every
+/// tile of the largest volume.
 const ENTRIES_PER_BLOCK: usize = 4;
 
 /// No fewer blocks than these count: few blocks are no reason to refuse a fan of slivers.
@@ -39,8 +41,9 @@ const RECENT: usize = 16;
 /// Triangles longer than this share of a tile along an axis are listed by where they are, others by their bounding boxes.
 const LARGE: f64 = 0.5;
 
-/// Where all of the band is measured, that is in cubes of 2 x 2 x 2 voxels, so some are up to such a cube's diagonal farther away than the
-/// band is wide. Those are to be found close to the same part of the mesh in every tile.
+/// Diagonal of the cubes of 2 x 2 x 2 voxels in which all of the band is measured. Some voxels of a cube are
+/// up to that much farther away than the band is wide. Those are to be found close to the same part of the
+/// mesh in every tile.
 const CUBE_DIAGONAL: f64 = 1.75;
 
 /// Elsewhere only rounding may take a voxel beyond.
@@ -59,7 +62,7 @@ impl VoxelMesh<'_> {
         [self.vertices[a as usize], self.vertices[b as usize], self.vertices[c as usize]]
     }
 
-    /// The same, for as long as one likes.
+    /// The mesh with data of its own, which lives as long as one likes.
     pub(crate) fn into_owned(self) -> VoxelMesh<'static> {
         VoxelMesh { vertices: self.vertices, triangles: Cow::Owned(self.triangles.into_owned()) }
     }
@@ -82,7 +85,7 @@ impl Band {
         Self { width, listed: width + CUBE_DIAGONAL, edge: grid.edge.voxels() as i32 }
     }
 
-    /// The same with another width, to be measured voxel by voxel.
+    /// The band with another width, to be measured voxel by voxel.
     pub(crate) fn within(&self, width: f64) -> Self {
         Self { width, listed: width + ROUNDING, ..*self }
     }
@@ -107,8 +110,8 @@ impl Band {
         ((LARGE + 2.0 * self.listed / f64::from(self.tile_edge())).ceil() + 1.0).powi(3)
     }
 
-    /// The same for any triangle: the volume of the triangle grown by the reach and the half
-    /// diagonal of a tile (Steiner's formula), over the volume of a tile.
+    /// Most tiles that any triangle reaches: a volume over that of a tile. The volume is that of the triangle
+    /// grown by the reach and the half diagonal of a tile (Steiner's formula).
     fn most_tiles(&self, [a, b, c]: &[DVec3; 3]) -> f64 {
         let edge = f64::from(self.tile_edge());
         let r = self.reach(edge) + 0.5 * edge * 3f64.sqrt();
@@ -118,8 +121,8 @@ impl Band {
         (2.0 * r * area + pi / 2.0 * r * r * perimeter + 4.0 / 3.0 * pi * r * r * r) / edge.powi(3)
     }
 
-    /// Bound from below on the number of blocks a triangle needs: no plane cuts more than sqrt(2) of a unit cube, and every
-    /// tile that is cut has a voxel in the band.
+    /// Bound from below on the number of blocks a triangle needs. No plane cuts more than sqrt(2) of a unit
+    /// cube, and every tile that is cut has a voxel in the band.
     fn fewest_blocks(&self, [a, b, c]: &[DVec3; 3]) -> f64 {
         let area = 0.5 * (*b - *a).cross(*c - *a).length();
         area / (2f64.sqrt() * f64::from(self.tile_edge()).powi(2))
@@ -136,7 +139,8 @@ pub(crate) struct Tile<'a> {
 }
 
 impl Tile<'_> {
-    /// The Morton code of its first block: that of no block of an earlier tile is as large, and that of no block of a later one as small.
+    /// Morton code of the tile's first block. It is larger than that of any block of an earlier tile, and
+    /// smaller than that of any block of a later one.
     pub(crate) fn code(&self) -> MortonCode {
         code(self.coord)
     }
@@ -258,7 +262,7 @@ fn batch_end(mesh: &VoxelMesh, band: &Band, start: usize, limit: usize) -> Resul
 struct Triangle {
     face: u32,
     corners: [DVec3; 3],
-    /// Its bounds.
+    /// Bounds of the triangle.
     lo: DVec3,
     hi: DVec3,
     /// Whether its bounds say too little about where it is.
@@ -325,9 +329,9 @@ impl Listing {
         self.tiles[number as usize].1.push(face);
     }
 
-    /// Adds the tiles of the inclusive range `lo..=hi` that the triangle reaches. Ranges of more than a few tiles are
-    /// halved and culled as wholes, so a long diagonal triangle costs by its area, not by its bounding box. The
-    /// recursion halves 21-bit ranges and is at most 63 deep.
+    /// Adds the tiles of the inclusive range `lo..=hi` that the triangle reaches. Ranges of more than a few
+    /// tiles are halved and culled as wholes. So a long diagonal triangle costs by its area, not by its
+    /// bounding box. The recursion halves 21-bit ranges and is at most 63 deep.
     fn add_range(&mut self, lo: IVec3, hi: IVec3, triangle: &Triangle, band: &Band) {
         let size = hi - lo + 1;
         if size.max_element() <= 2 {

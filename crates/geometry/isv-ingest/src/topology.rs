@@ -41,8 +41,8 @@ pub(crate) struct Topology {
     starts: Vec<u32>,
 }
 
-/// One side of one triangle: its ends, the lower in the high half; the corner opposite, [`NONE`] if the triangle names a
-/// position twice; four times the triangle's index plus the number of the side.
+/// Side of a triangle: its ends, the lower in the high half; the corner opposite, [`NONE`] if the triangle
+/// names a position twice. The last number is four times the triangle's index plus the number of the side.
 type Key = (u64, u32, u32);
 
 impl Topology {
@@ -122,7 +122,7 @@ pub(crate) fn sorted_sides(triangles: &[[u32; 3]], welded: &[u32]) -> Vec<Key> {
     sorted
 }
 
-/// Where each bucket begins, and where the last ends, if items fall into the given buckets.
+/// Beginning of each bucket, and the end of the last, if items fall into the given buckets.
 pub(crate) fn running_sums(items: impl Iterator<Item = usize>, buckets: usize) -> Vec<u32> {
     let mut starts = vec![0u32; buckets + 1];
     for bucket in items {

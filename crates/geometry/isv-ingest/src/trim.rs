@@ -1,8 +1,9 @@
-//! Where exactly a surface ends at the rim of a hole: teeth and specks are trimmed.
+//! Exact end of a surface at the rim of a hole: teeth and specks are trimmed.
 //!
-//! No surface is made in a cell with an unobserved corner. Which voxels have their closest surface point on the rim, though,
-//! is rough at the scale of a voxel, and would leave a surface ending in teeth and specks. So surface cells near the rim
-//! that hang on by less than two of their neighbours are unobserved as well, and in turn those that hung on by them.
+//! No surface is made in a cell with an unobserved corner. Which voxels have their closest surface point on
+//! the rim, though, is rough at the scale of a voxel. The surface would end in teeth and specks. So surface
+//! cells near the rim that hang on by less than two of their neighbours are unobserved as well. In turn those
+//! go that hung on by them.
 
 use crate::caps::Blocks;
 use isv_volume::{BlockEdge, BlockIndex, Neighbourhood, VoxelMask};
@@ -119,8 +120,8 @@ impl Blocks {
         (0..edge.block_voxels()).filter_map(cell).collect()
     }
 
-    /// What is to be known of the corners of all cells that begin in a block, x fastest: whether they are inside, unobserved, or not
-    /// there at all.
+    /// Marks of the corners of all cells that begin in a block, x fastest: whether they are inside,
+    /// unobserved, or not there at all.
     fn corner_marks(&self, around: &Neighbourhood, edge: BlockEdge) -> Vec<u8> {
         let (n, size) = (edge.voxels(), edge.block_voxels());
         let side = n + 1;

@@ -91,8 +91,9 @@ fn code(meshes: &[TriangleMesh], volumes: &[SparseVolume]) -> (usize, f64) {
     (bytes, error_mm)
 }
 
-/// Prints how far the samples of two volumes are apart by distance from the surface, and returns the mean over the band
-/// and the number of voxels more than half a voxel from the surface on different sides, both where observed.
+/// Prints how far the samples of two volumes are apart by distance from the surface. Returns the mean over
+/// the band, and the number of voxels more than half a voxel from the surface that lie on different sides.
+/// Only voxels that both observed count.
 fn compare_samples(reference: &SparseVolume, volume: &SparseVolume) -> (f64, usize) {
     let index = volume.index();
     let (mut bins, mut wrong) = ([(0usize, 0.0f64, 0.0f64); 9], 0);

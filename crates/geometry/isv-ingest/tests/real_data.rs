@@ -63,8 +63,8 @@ fn check_sequence(
 /// Codes up to which samples of a volume that reaches no farther than the surface are exact.
 const NEAR_CODES: u16 = 440;
 
-/// Checks a volume that reaches no farther than the surface against one of the whole band: near the surface it has every voxel, with
-/// the same sample but for rounding.
+/// Checks a volume that reaches no farther than the surface against one of the whole band. Near the surface
+/// it has every voxel, with the same sample but for rounding.
 fn check_near(name: &str, near: &SparseVolume, whole: &SparseVolume) {
     let index = near.index();
     let observed = |volume: &SparseVolume, block: usize, voxel: usize| {
@@ -96,8 +96,8 @@ fn check_near(name: &str, near: &SparseVolume, whole: &SparseVolume) {
     assert!(torn * 10_000 <= compared, "{name}: {torn} of {compared}");
 }
 
-/// Compares every voxel of some blocks with the closest triangle found by the hierarchy and, where the surface is closed,
-/// with the sign of the winding number.
+/// Compares every voxel of some blocks with the closest triangle found by the hierarchy. Where the surface is
+/// closed, compares the sign of the winding number, too.
 fn check_samples(name: &str, mesh: &TriangleMesh, volume: &SparseVolume, sign: SignDecision) {
     let (bvh, winding) = (Bvh::new(mesh), WindingNumber::new(mesh));
     let grid = volume.grid();
@@ -132,8 +132,8 @@ fn check_samples(name: &str, mesh: &TriangleMesh, volume: &SparseVolume, sign: S
     }
 }
 
-/// The distance from a point to a triangle by nothing but the definition: the foot on the plane where its barycentric coordinates
-/// are not negative, or else the closest point of the three segments.
+/// Distance from a point to a triangle by nothing but the definition. The closest point is the foot on the
+/// plane if its barycentric coordinates are not negative. Else it is the closest point of the three segments.
 fn distance_to_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     let segment = |from: DVec3, to: DVec3| {
         let way = to - from;
@@ -242,8 +242,9 @@ fn overlapping_parts_and_large_triangles_are_closed() {
     }
 }
 
-/// Sides against the sums over all triangles, all over the band: where a mesh is closed, however many parts overlap, a voxel is inside
-/// where its winding number exceeds one half. Beside a hole that is closed it may exceed it anywhere in the hole.
+/// Sides against the sums over all triangles, all over the band. Where a mesh is closed, however many parts
+/// overlap, a voxel is inside if its winding number exceeds one half. Beside a hole that is closed it may
+/// exceed it anywhere in the hole.
 #[test]
 fn sides_are_those_of_the_exact_winding_number() {
     for name in ["dancer", "thomas", "liam", "xbot", "cesium_man", "collision"] {

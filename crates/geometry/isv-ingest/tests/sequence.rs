@@ -178,7 +178,8 @@ fn captures_take_over_what_stands_still() {
     }
 }
 
-/// As a closed surface, the same building has a hole in every part of it, and its winding number is far from whole in most places.
+/// Ingests the same building as a closed surface. It then has a hole in every part, and its winding number is
+/// far from whole in most places.
 #[test]
 fn a_capture_with_thousands_of_holes_is_as_it_was() {
     let meshes: Option<Vec<_>> =

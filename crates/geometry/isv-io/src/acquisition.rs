@@ -4,8 +4,8 @@ use crate::{Format, e57, las, regular_file};
 use std::io::Read;
 use std::path::Path;
 
-/// When a file was scanned, in seconds of its own clock: the GPS time of the first point of LAS and LAZ, the start of the first scan of
-/// E57. `None` for other formats, and where the file does not say.
+/// Time at which a file was scanned, in seconds of its own clock. LAS and LAZ have the GPS time of the first
+/// point, E57 the start of the first scan. `None` for other formats, and where the file does not say.
 #[must_use]
 pub fn acquisition_time_s(path: &Path) -> Option<f64> {
     let time = match Format::of_path(path)? {

@@ -7,16 +7,17 @@ use std::path::{Path, PathBuf};
 
 /// A buffered file that takes its name only when [committed](Self::commit).
 ///
-/// Bytes go to a file beside the final name: that name with `.part` after it, or with `.2.part` and so on where such a file is
-/// there already. It is renamed at the end and removed if the value is dropped before. A file that had the final name stays
-/// untouched until then. Of a job that is killed, what it had flushed stays under the name with `.part`. This guards against jobs
-/// that fail, not against power cuts: nothing is forced to the disk.
+/// Bytes go to a file beside the final name. Its name has `.part` after it, or `.2.part` and so on if such a
+/// file is there already. It is renamed at the end and removed if the value is dropped before. A file that
+/// had the final name stays untouched until then. Of a job that is killed, what it had flushed stays under
+/// the name with `.part`. This guards against jobs that fail, not against power cuts: nothing is forced to
+/// the disk.
 ///
 /// What is no regular file (a pipe, `/dev/null`) is written straight through, as a rename would replace it. A link to a
 /// file stays a link.
 #[derive(Debug)]
 pub struct AtomicFile {
-    /// As given, for messages.
+    /// Path as given, for messages.
     path: PathBuf,
     writer: BufWriter<File>,
     pending: Option<Rename>,

@@ -40,8 +40,8 @@ const RIG: &str = "rig.json";
 const TUM: &str = "depth.txt";
 const CAMERA: &str = "camera.json";
 
-/// Whether a path is a folder with a file that describes depth images, `rig.json`, `depth.txt` or `camera.json`; or one
-/// with a folder `depth`, for which such a file must have been meant.
+/// Whether a path is a folder of depth images. It has a file that describes them, `rig.json`, `depth.txt` or
+/// `camera.json`; or a folder `depth`, for which such a file must have been meant.
 #[must_use]
 pub fn is_depth_folder(path: &Path) -> bool {
     [RIG, TUM, CAMERA].iter().any(|name| path.join(name).is_file()) || path.join("depth").is_dir()
@@ -97,7 +97,7 @@ pub struct Saturation {
     pub depth_m: f64,
 }
 
-/// Where a camera stands.
+/// Poses of a camera.
 #[derive(Clone, Debug, PartialEq)]
 enum Poses {
     Fixed(CameraPose),
@@ -240,8 +240,8 @@ impl DepthSequence {
         self.skipped
     }
 
-    /// When a frame was taken, in nanoseconds after the first frame of the folder, where the folder says: by the time stamps of
-    /// `depth.txt` or of `camera.json`.
+    /// Time at which a frame was taken, in nanoseconds after the first frame of the folder. The time stamps
+    /// of `depth.txt` or of `camera.json` tell it, where the folder has them.
     ///
     /// # Panics
     /// If there are not so many frames.
@@ -257,8 +257,8 @@ impl DepthSequence {
         self.cameras.iter().any(|camera| camera.optics.distortion.is_some())
     }
 
-    /// The unit that time stamps were taken to have, where the folder does not say and it is not clear: other than seconds, or seconds
-    /// that make less than a frame a second.
+    /// Unit that time stamps were taken to have, if the folder does not say and it is not clear. That is a
+    /// unit other than seconds, or seconds that make less than a frame a second.
     #[must_use]
     pub fn time_unit(&self) -> Option<&'static str> {
         self.time_unit
@@ -277,8 +277,8 @@ impl DepthSequence {
         (0..self.frames()).filter(is_lost).collect()
     }
 
-    /// The first image in which many pixels hold a value that may stand for "no reading", such as 65535, though the capture does not say
-    /// so. Looks into images of the first frame, the last and the one between.
+    /// First image in which many pixels hold a value that may stand for "no reading", such as 65535. The
+    /// capture does not say that it does. Looks into images of the first frame, the last and the one between.
     #[must_use]
     pub fn saturation(&self) -> Option<Saturation> {
         let Range { start, end } = self.selected;

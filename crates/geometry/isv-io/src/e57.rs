@@ -1,8 +1,9 @@
 //! E57, the files of laser scanners of ASTM E2807, by the crate `e57`: scans of points, each with a pose, described in
 //! XML.
 //!
-//! The crate checks the checksum of every page of the file and reports what is wrong; but it believes the lengths and
-//! counts that the file declares, and those are held against the file's length here, before they cost memory or time.
+//! The crate checks the checksum of every page of the file and reports what is wrong. But it believes the
+//! lengths and counts that the file declares. Those are held against the file's length here, before they cost
+//! memory or time.
 
 use crate::cloud_builder::CloudBuilder;
 use crate::error::{Flaw, Malformation};
@@ -91,8 +92,8 @@ fn read(bytes: &[u8], keeps_colours: bool) -> Result<PointCloud, Flaw> {
     Ok(cloud)
 }
 
-/// The scanner's place. A scan without a pose, or with one that changes nothing, stands at the origin if another one has a pose: the
-/// others are aligned to it. If none has, nobody knows.
+/// Place of the scanner. A scan without a pose, or with one that changes nothing, stands at the origin if
+/// another one has a pose. The others are then aligned to it. If none has, nobody knows.
 fn viewpoint_of(scan: &e57::PointCloud, any_pose: bool) -> Option<DVec3> {
     let place = scan.transform.as_ref().map_or(DVec3::ZERO, |pose| {
         let e57::Translation { x, y, z } = pose.translation;
@@ -150,8 +151,8 @@ fn count_attributes(tag: &[u8]) -> usize {
     attributes
 }
 
-/// Makes sure that the points of all scans together have room in the file, by the bits that a point takes in each, and
-/// that points take any bits at all.
+/// Makes sure that the points of all scans together have room in the file, by the bits that a point takes in
+/// each. Points must take some bits.
 fn check_sizes(bytes: &[u8], scans: &[e57::PointCloud]) -> Result<(), Flaw> {
     let mut room = 8 * bytes.len() as u64;
     for scan in scans {
@@ -213,7 +214,7 @@ fn pose_of(scan: &e57::PointCloud) -> Option<(DQuat, DVec3)> {
     is_rotation.then(|| (rotation.normalize(), DVec3::new(x, y, z)))
 }
 
-/// Where the values of a point are.
+/// Columns in which the values of a point are.
 struct Attributes {
     cartesian: Option<[usize; 3]>,
     cartesian_state: Option<usize>,

@@ -24,7 +24,7 @@ pub enum ReadError {
     Malformed {
         /// The file.
         path: PathBuf,
-        /// Where in the file.
+        /// Position in the file.
         at: Position,
         /// What is wrong there.
         why: Malformation,
@@ -61,7 +61,7 @@ pub enum ReadError {
         path: PathBuf,
         /// Index of the vertex.
         vertex: usize,
-        /// Its coordinate of largest magnitude, in metres.
+        /// Coordinate of largest magnitude, in metres.
         metres: f64,
     },
     /// No reader for files of this name.
@@ -84,9 +84,9 @@ pub enum Position {
     Line(u64),
     /// An object of a file, such as `node 3` of glTF or `material 0` of OBJ.
     Object {
-        /// Its kind.
+        /// Kind of the object.
         kind: &'static str,
-        /// Its place among those of its kind, from 0.
+        /// Place of the object among those of its kind, from 0.
         index: usize,
     },
 }
@@ -130,7 +130,7 @@ pub enum Malformation {
     /// A facet that is not a triangle.
     #[error("an STL facet has {corners} vertices, not 3")]
     FacetCorners {
-        /// Its number of vertices.
+        /// Number of vertices.
         corners: usize,
     },
     /// A word where a keyword of the format should be, or a keyword out of place.
@@ -168,7 +168,7 @@ pub enum Malformation {
     /// A polygon that is too large to be split into triangles, unless it is convex.
     #[error("a polygon of {corners} corners that is not convex; up to {limit} are split into triangles")]
     LargePolygon {
-        /// Its corners.
+        /// Number of corners.
         corners: usize,
         /// Most that a polygon may have that is not convex.
         limit: usize,
@@ -225,7 +225,7 @@ pub enum Malformation {
     /// An element or property was declared twice.
     #[error("`{name}` is declared twice")]
     Duplicate {
-        /// Its name.
+        /// Name of the thing.
         name: String,
     },
     /// More elements, or more properties in one element, than any real file has.

@@ -30,9 +30,10 @@ type Joined<R> = Chain<Cursor<Vec<u8>>, R>;
 ///   dot are passed over;
 /// - PLY files without anything but white space between them; they are named `frame_000000.ply` and so on.
 ///
-/// As an iterator it gives each frame's name and geometry, in metres. One frame is in memory at a time, and memory grows
-/// with the bytes that arrive, not with what a header promises. After a frame that came whole and cannot be used the next
-/// one follows; every other error is the last item, and so is a PLY file that breaks its format, as its end is not known.
+/// An iterator over each frame's name and geometry, in metres. One frame is in memory at a time, and memory
+/// grows with the bytes that arrive, not with what a header promises. After a frame that came whole and
+/// cannot be used the next one follows. Every other error is the last item, and so is a PLY file that breaks
+/// its format, as its end is not known.
 ///
 /// ```
 /// use isv_io::{FrameStream, Unit};
@@ -73,7 +74,10 @@ pub enum FrameStreamError {
     #[error("pipe: empty")]
     Empty,
     /// An archive without a frame in it.
-    #[error("pipe: no frames in the archive; they must be files of {}", Format::names(Format::ALL, "."))]
+    #[error(
+        "pipe: no frames in the archive; they must be files of {}, not links (tar -h packs what they lead to)",
+        Format::names(Format::ALL, ".")
+    )]
     NoFrames,
     /// The archive ends inside a frame.
     #[error("{}: the pipe ends {missing} bytes before the end of this file", path.display())]
@@ -89,7 +93,7 @@ pub enum FrameStreamError {
     /// A block of the archive that is no header.
     #[error("pipe: block {block} of the archive is damaged or of a kind that is not read")]
     DamagedArchive {
-        /// Its number, from 0, in blocks of 512 bytes.
+        /// Number of the block, from 0, in blocks of 512 bytes.
         block: u64,
     },
     /// A frame of more than [`MAX_FRAME_BYTES`].

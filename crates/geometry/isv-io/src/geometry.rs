@@ -54,7 +54,7 @@ impl Geometry {
         }
     }
 
-    /// The same seen from another origin, in metres.
+    /// The geometry seen from another origin, in metres.
     #[must_use]
     pub fn relative_to(mut self, origin_m: [f64; 3]) -> Self {
         let origin = DVec3::from(origin_m);
@@ -96,14 +96,14 @@ impl Geometry {
         })
     }
 
-    /// The same in metres, from coordinates in `unit`.
+    /// The geometry in metres, from coordinates in `unit`.
     pub(crate) fn in_metres(mut self, unit: Unit) -> Self {
         self.positions_mut().iter_mut().for_each(|v| *v *= unit.metres());
         self.viewpoints_mut().for_each(|viewpoint| *viewpoint *= unit.metres());
         self
     }
 
-    /// The same in metres, as [`read_geometry`] promises it.
+    /// The geometry in metres, as [`read_geometry`] promises it.
     pub(crate) fn checked(self, path: &Path, options: &ReadOptions) -> Result<Self, ReadError> {
         let mut geometry = self.in_metres(options.unit);
         match (&mut geometry, options.invalid_points) {
@@ -270,7 +270,7 @@ fn parse_unchecked(path: &Path, bytes: &[u8], linked: Option<&mut Linked>) -> Re
     parsed.map_err(|flaw| flaw.in_file(path))
 }
 
-/// As [`read_geometry`], where only a mesh will do.
+/// Reads a file as [`read_geometry`] does, where only a mesh will do.
 ///
 /// # Errors
 /// As [`read_geometry`], and [`ReadError::NotAMesh`].
@@ -278,7 +278,7 @@ pub fn read_mesh(path: &Path, unit: Unit) -> Result<TriangleMesh, ReadError> {
     mesh_of(path, read_geometry(path, unit)?)
 }
 
-/// As [`parse_geometry`], where only a mesh will do.
+/// Parses a file as [`parse_geometry`] does, where only a mesh will do.
 ///
 /// # Errors
 /// As [`parse_geometry`], and [`ReadError::NotAMesh`].

@@ -1,5 +1,6 @@
-//! glTF 2.0 (Khronos, ISO/IEC 12113), as `.glb` in one file and as `.gltf` with its buffers beside it: the triangles of the
-//! default scene in and out, moving ones too, with their base colours where these are asked for. Cameras and lights are not looked at.
+//! glTF 2.0 (Khronos, ISO/IEC 12113), as `.glb` in one file and as `.gltf` with its buffers beside it. It has
+//! the triangles of the default scene in and out, moving ones too, with their base colours where these are
+//! asked for. Cameras and lights are not looked at.
 //!
 //! Read by our own code on top of a JSON parser: see docs/design/014-animated-glb.md.
 

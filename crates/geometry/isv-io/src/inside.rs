@@ -2,8 +2,9 @@
 
 use std::path::{Component, Path, PathBuf};
 
-/// The path of a name that data gives, from `folder`; `None` if it is absolute, has a drive or goes up, so that opening a file from
-/// elsewhere reads nothing but what came with it. Links that are in the folder are the user's.
+/// Path of a name that data gives, from `folder`. `None` if it is absolute, has a drive or goes up. So
+/// opening a file from elsewhere reads nothing but what came with it. Links that are in the folder are the
+/// user's.
 pub(crate) fn inside(folder: &Path, name: &str) -> Option<PathBuf> {
     // A drive is one on this machine or on another.
     let has_drive = name.as_bytes().get(1) == Some(&b':');

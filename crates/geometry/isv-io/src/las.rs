@@ -1,9 +1,9 @@
 //! LAS and LAZ, the lidar files of the ASPRS "LAS Specification 1.4 - R15" and its predecessors back to 1.0.
 //!
-//! A header says how many records there are, how long they are and how their integers become coordinates; a record is
-//! a point. In LAZ the records are compressed, as a variable length record of the header says; that is left to the
-//! crate `laz`. The header is read here: what is needed of it are twelve numbers, and every count among them is held
-//! against the length of the file before it is believed.
+//! A header says how many records there are, how long they are and how their integers become coordinates; a
+//! record is a point. In LAZ the records are compressed, as a variable length record of the header says; that
+//! is left to the crate `laz`. The header is read here. Twelve numbers of it are needed, and every count
+//! among them is held against the length of the file before it is believed.
 
 mod gps_times;
 mod header;

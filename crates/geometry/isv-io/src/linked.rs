@@ -10,7 +10,8 @@ use std::sync::Arc;
 /// Most pixels of all images of a mesh: 768 MiB.
 const MAX_PIXELS: u64 = 1 << 28;
 
-/// Pixels that all images of a mesh may have, however few bytes they have; beyond it, a byte must be there for so many of them.
+/// Pixels that all images of a mesh may have, however few bytes they have. Beyond it, a byte must be there
+/// for so many of them.
 const LEAST_PIXELS: u64 = 1 << 24;
 const MOST_PIXELS_A_BYTE: u64 = 4096;
 

@@ -41,10 +41,10 @@ pub struct OrderedNames<T> {
 impl NameOrder {
     /// Decides for a list of names.
     ///
-    /// - A minus is a sign if another name has digits in its place, as in `sim-0001`, `sim00000`, or if it stands at the start of a name
-    ///   or behind `_`, `=` or a blank. In `sim-0001`, `sim-0002` it parts words.
-    /// - Two numbers with a point between them are a decimal number, unless the second ones count (`1.9`, `1.10`), or three numbers
-    ///   follow each other as in a version.
+    /// - A minus is a sign if another name has digits in its place, as in `sim-0001`, `sim00000`. It is one
+    ///   too at the start of a name or behind `_`, `=` or a blank. In `sim-0001`, `sim-0002` it parts words.
+    /// - Two numbers with a point between them are a decimal number. They are none if the second ones count
+    ///   (`1.9`, `1.10`), or if three numbers follow each other as in a version.
     #[must_use]
     pub fn new(names: &[&[u8]]) -> Self {
         Self { decimals: has_decimals(names), signs: has_signs(names) }

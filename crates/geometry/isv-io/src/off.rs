@@ -1,5 +1,6 @@
-//! OFF, the Object File Format of Geomview (its manual, "OFF: Object File Format"), as text: `OFF` and the variants that
-//! add texture coordinates, colours or normals to vertices. Colours are read if they are asked for, the others are read past.
+//! OFF, the Object File Format of Geomview (its manual, "OFF: Object File Format"), as text. It reads `OFF`
+//! and the variants that add texture coordinates, colours or normals to vertices. Colours are read if they
+//! are asked for, the others are read past.
 //!
 //! A row usually is a line, where a colour of any length may follow what is needed. Files whose rows are not lines are read value by
 //! value, with as many values a vertex as the keyword says.
@@ -212,7 +213,7 @@ fn parse_face<'a>(
 /// The lines that say something, without their comments.
 struct Lines<'a> {
     rest: &'a [u8],
-    /// Of the line given last, from 1.
+    /// Number of the line given last, from 1.
     number: usize,
 }
 

@@ -176,7 +176,7 @@ impl Output {
         Ok(Self { sink, bytes: 0 })
     }
 
-    /// Of a file, [`AtomicFile::keep`].
+    /// Keeps a file as [`AtomicFile::keep`] does.
     pub fn keep(&mut self) -> Option<PathBuf> {
         match &mut self.sink {
             Sink::File(file) => file.keep(),

@@ -1,5 +1,6 @@
-//! Stanford PLY 1.0, after Greg Turk's description of the format (1994): a text header that declares elements and
-//! their properties, then the rows of each element in the header's order, as text or binary in either byte order.
+//! Stanford PLY 1.0, after Greg Turk's description of the format (1994). A text header declares elements and
+//! their properties. The rows of each element follow in the header's order, as text or binary in either byte
+//! order.
 
 mod arriving;
 mod colours;

@@ -1,7 +1,7 @@
 //! Polygons to triangles: a fan where the polygon is convex, else by clipping ears.
 //!
-//! After Meisters, "Polygons have ears" (1975): every simple polygon has a corner whose triangle holds no other corner, and
-//! what is left without it is simple again.
+//! After Meisters, "Polygons have ears" (1975). Every simple polygon has a corner whose triangle holds no
+//! other corner, and what is left without it is simple again.
 
 use crate::{Malformation, error::Flaw};
 use glam::{DVec2, DVec3};
@@ -157,7 +157,7 @@ struct Ring {
     /// Twice the area of the triangle at a corner; negative where the corner is reflex. Zero at corners that are gone.
     turns: Vec<f64>,
     ears: Vec<bool>,
-    /// Where the search for an ear goes on.
+    /// Place at which the search for an ear goes on.
     at: usize,
 }
 
@@ -185,8 +185,8 @@ impl Ring {
         (self.points[b] - self.points[a]).perp_dot(self.points[c] - self.points[a])
     }
 
-    /// Whether the triangle at a corner holds no other corner. Only reflex and straight ones need to be looked at; those
-    /// at the place of one of its own are touching, as where a bridge leads to a hole.
+    /// Whether the triangle at a corner holds no other corner. Only reflex and straight ones need to be
+    /// looked at. Those at the place of one of its own are touching, as where a bridge leads to a hole.
     fn is_ear(&self, corner: usize) -> bool {
         let triangle @ [a, b, c] = self.triangle(corner);
         let own = triangle.map(|i| self.points[i]);

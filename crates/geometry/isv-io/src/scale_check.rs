@@ -41,9 +41,10 @@ pub struct ScaleError {
 
 /// Looks whether frames share a unit.
 ///
-/// A frame is refused if it looks like the one before in another unit: its three extents, its place and nothing else differ by the ratio
-/// of two units, and no earlier frame had its size. Extents are those of the bulk of the surface, so that stray points count for
-/// nothing. What enters, leaves, spreads or collapses may become any size.
+/// A frame is refused if it looks like the one before in another unit. Its three extents, its place and
+/// nothing else then differ by the ratio of two units, and no earlier frame had its size. Extents are those
+/// of the bulk of the surface, so that stray points count for nothing. What enters, leaves, spreads or
+/// collapses may become any size.
 #[derive(Clone, Debug, Default)]
 pub struct ScaleCheck {
     before: Option<(PathBuf, Bulk)>,

@@ -24,9 +24,10 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<TriangleMesh, Flaw> {
     if is_text(&text) { parse_text(&text) } else { parse_binary(bytes) }
 }
 
-/// Whether a file is the text kind: its first line that is no comment starts with `solid`. A binary one may start so too, but either
-/// has the length that its count asks for, which no text below 7 GB can have (its count would be four printable characters), or it is
-/// cut or padded and has bytes in its first lines that no text has.
+/// Whether a file is the text kind: its first line that is no comment starts with `solid`. A binary one may
+/// start so too. But either it has the length that its count asks for, or it is cut or padded. A text below 7
+/// GB cannot have that length, as its count would be four printable characters. A binary file that is cut or
+/// padded has bytes in its first lines that no text has.
 fn is_text(bytes: &[u8]) -> bool {
     const LOOKED_AT: usize = 1024;
     let start = &bytes[..bytes.len().min(LOOKED_AT)];

@@ -7,10 +7,12 @@
 //! - The first lines may be the number of points, which must then be right, and the names of the columns, in either order.
 //! - With names, columns `x y z` are the position and `nx ny nz`, or `normal_x normal_y normal_z`, the normal, in
 //!   either case.
-//! - Without names, the first three columns are the position. The last three of six are the normal if in each of the
-//!   first 100 lines they have length 1, within 2 %, or are all 0, and not all 0 in every one.
-//! - Colours, if they are asked for: columns `r g b`, `red green blue` or `Rf Gf Bf`; without names, the last three of six or seven if
-//!   they are no normal and in each of the first 100 lines whole numbers from 0 to 255, not all of them below 2.
+//! - Without names, the first three columns are the position. The last three of six are the normal if they
+//!   have length 1, within 2 %, or are all 0. That must hold in each of the first 100 lines, and they must
+//!   not be all 0 in every one.
+//! - Colours, if they are asked for: columns `r g b`, `red green blue` or `Rf Gf Bf`. Without names, they are
+//!   the last three of six or seven, if these are no normal. In each of the first 100 lines they must be
+//!   whole numbers from 0 to 255, not all of them below 2.
 //! - All other columns, such as intensity, are ignored. All lines have as many as the first.
 
 use crate::cloud_builder::CloudBuilder;
@@ -200,7 +202,8 @@ fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     line.split(|b| b.is_ascii_whitespace() || matches!(b, b',' | b';')).filter(|word| !word.is_empty())
 }
 
-/// A word with a comma inside, in a line in which blanks or semicolons separate words too: most likely a number as some countries write it.
+/// Word with a comma inside, in a line in which blanks or semicolons separate words too. Most likely it is a
+/// number as some countries write it.
 fn decimal_comma(line: &[u8]) -> Option<&[u8]> {
     let separates = |b: &u8| b.is_ascii_whitespace() || *b == b';';
     let mut by_blanks = line.split(separates).filter(|word| !word.is_empty());

@@ -771,7 +771,8 @@ fn a_real_take_opens() {
     assert!(image.depths_m().iter().all(|d| *d == 0.0 || (0.8..3.5).contains(d)));
 }
 
-/// Of a rig whose cameras have dropped an image each, but not the same one, and of rigs whose numbers are in order or say nothing.
+/// Refuses frames of a rig whose cameras have dropped an image each, but not the same one. Rigs whose numbers
+/// are in order or say nothing pass.
 #[test]
 fn images_that_were_not_taken_together_are_no_frame() {
     let camera = |name: &str| {

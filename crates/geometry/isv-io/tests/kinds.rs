@@ -1,5 +1,5 @@
-//! What may differ between programs that write the same: one table of formats, and for each kind of difference all formats that it can
-//! touch give the same geometry as the plain file.
+//! Differences between programs that write the same. There is one table of formats. For each kind of
+//! difference, all formats that it can touch give the same geometry as the plain file.
 
 use isv_io::{Format, Geometry, ReadError, Unit, parse_geometry};
 use std::path::PathBuf;

@@ -7,8 +7,8 @@ use glam::DVec3;
 use isv_spatial::{NearestPoints, PointTree};
 use isv_volume::TriangleMesh;
 
-/// Eq. 15 of the paper, in metres: half the mean distance from a point of `p` to its nearest in `q`, plus half the
-/// mean distance from a point of `q` to its nearest in `p`.
+/// Chamfer distance, Eq. 15 of the paper, in metres. It is half the mean distance from a point of `p` to its
+/// nearest in `q`, plus half the reverse.
 ///
 /// # Panics
 /// If one of the sets is empty.
@@ -17,8 +17,8 @@ pub fn chamfer(p: &[DVec3], q: &[DVec3]) -> f64 {
     chamfer_of_trees(&PointTree::new(p.to_vec()), &PointTree::new(q.to_vec()))
 }
 
-/// What [`chamfer`] would say of a mesh against itself, in metres: Eq. 15 between two samplings with different seeds,
-/// so the part of a Chamfer distance that sampling alone makes.
+/// What [`chamfer`] would say of a mesh against itself, in metres: Eq. 15 between two samplings with
+/// different seeds. This is the part of a Chamfer distance that sampling alone makes.
 ///
 /// # Panics
 /// As [`sample_surface`](crate::sample_surface).

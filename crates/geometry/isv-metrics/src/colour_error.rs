@@ -4,8 +4,9 @@ use serde::{Deserialize, Serialize};
 
 /// Difference of a test shape's colours from those of its reference. The names are the keys of `isv eval --json`.
 ///
-/// Nothing is there unless both sides have colours. PSNR is that of sRGB values as BT.709 turns them into Y, Cb and Cr of full range, with
-/// a peak of 255, and at most [`MAX_COLOUR_PSNR_DB`](crate::MAX_COLOUR_PSNR_DB).
+/// Nothing is there unless both sides have colours. PSNR is that of sRGB values as BT.709 turns them into Y,
+/// Cb and Cr of full range, with a peak of 255. It is at most
+/// [`MAX_COLOUR_PSNR_DB`](crate::MAX_COLOUR_PSNR_DB).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ColourError {
     /// PSNR of Y at points of the test shape.

@@ -8,8 +8,9 @@ use crate::{DirectedDistances, GeometryError, Shape, SurfaceDistances};
 use std::fmt;
 use thiserror::Error;
 
-/// Most samples of one surface. A comparison holds the samples of both sides and of the floor, their trees and what was found:
-/// measured, 420 bytes of memory to a sample of one side, so this keeps it below 10 GB.
+/// Most samples of one surface. A comparison holds the samples of both sides and of the floor, their trees
+/// and what was found. That takes 420 bytes of memory to a sample of one side (measured), so this keeps it
+/// below 10 GB.
 pub const MAX_SAMPLES: f64 = 2e7;
 
 /// How to compare.
@@ -79,7 +80,7 @@ pub enum CompareError {
     TooManySamples {
         /// Which mesh.
         side: Side,
-        /// Its area in square metres.
+        /// Area in square metres.
         area_m2: f64,
         /// The spacing asked for.
         spacing_m: f64,

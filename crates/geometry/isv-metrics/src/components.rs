@@ -3,8 +3,9 @@
 use isv_spatial::{DisjointSets, Weld};
 use isv_volume::TriangleMesh;
 
-/// Number of parts of a mesh that share no point: triangles hang together where they share a vertex or have vertices
-/// at exactly the same position. Vertices without a triangle do not count. Stray specks show here first.
+/// Number of parts of a mesh that share no point. Triangles hang together where they share a vertex or have
+/// vertices at exactly the same position. Vertices without a triangle do not count. Stray specks show here
+/// first.
 #[must_use]
 pub fn connected_components(mesh: &TriangleMesh) -> usize {
     components_of_weld(mesh, &Weld::new(&mesh.vertices))

@@ -4,8 +4,9 @@ use serde::{Deserialize, Serialize};
 
 /// How far a test shape is from a reference. The names are the keys of `isv eval --json`.
 ///
-/// What there is depends on what is compared: distances to a surface need one, as do area and components; angles and D2
-/// need normals; floor and ceilings need a reference that is sampled; PSNR needs a reference of some size.
+/// Which figures there are depends on what is compared. Distances to a surface need one, as do area and
+/// components. Angles and D2 need normals. Floor and ceilings need a reference that is sampled, and PSNR one
+/// of some size.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct GeometryError {
     /// Eq. 15 between the points of the two sides, in millimetres.
@@ -41,11 +42,11 @@ pub struct GeometryError {
     pub normal_error_deg: Option<f64>,
     /// Point-to-point PSNR of MPEG's `pc_error`, at most [`MAX_PSNR_DB`](crate::MAX_PSNR_DB): the lower of both directions.
     pub d1_psnr_db: Option<f64>,
-    /// The same of a second sampling of the reference: what sampling alone leaves of a perfect test mesh.
+    /// D1 of a second sampling of the reference: what sampling alone leaves of a perfect test mesh.
     pub d1_ceiling_db: Option<f64>,
     /// Point-to-plane PSNR of MPEG's `pc_error`, with normals handed over from the reference as there.
     pub d2_psnr_db: Option<f64>,
-    /// The same of a second sampling of the reference.
+    /// D2 of a second sampling of the reference.
     pub d2_ceiling_db: Option<f64>,
     /// The peak of both PSNR, in metres: the longest side of the reference's bounding box.
     pub psnr_peak_m: f64,
@@ -53,7 +54,7 @@ pub struct GeometryError {
     pub area_ratio: Option<f64>,
     /// [`connected_components`](crate::connected_components) of the reference; a whole number, except in a mean over frames.
     pub components_ref: Option<f64>,
-    /// The same of the test mesh.
+    /// Number of components of the test mesh.
     pub components_test: Option<f64>,
     /// Components of the test mesh over those of the reference: above 1 there are stray parts.
     pub component_ratio: Option<f64>,

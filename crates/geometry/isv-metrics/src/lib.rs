@@ -1,8 +1,9 @@
 //! How far one surface is from another, in place and in colour.
 //!
-//! [`compare`] measures a test shape, a mesh or points, against a reference and returns every figure at once; the measures
-//! behind it are public for point sets and meshes of other origin. [`compare_colours`] does the same for colours. Lengths are metres, except where a name ends in `_mm`. All
-//! sampling is seeded: same input, same figures, whatever the number of threads. This crate reads no files.
+//! [`compare`] measures a test shape, a mesh or points, against a reference and returns every figure at once.
+//! The measures behind it are public for point sets and meshes of other origin. [`compare_colours`] does the
+//! same for colours. Lengths are metres, except where a name ends in `_mm`. All sampling is seeded: same
+//! input, same figures, whatever the number of threads. This crate reads no files.
 //!
 //! ```
 //! use glam::DVec3;

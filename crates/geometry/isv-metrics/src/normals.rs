@@ -10,9 +10,10 @@ const CANCELLED: f64 = 1e-9;
 
 /// Vertex normals of a mesh, interpolated over its triangles as a renderer does.
 ///
-/// They are computed from positions alone, whatever normals the mesh brought along: a vertex has the mean of the normals
-/// of the triangles around it, each weighed by its angle there (Thürmer and Wüthrich 1998, "Computing vertex normals
-/// from polygonal facets"), which does not depend on how faces are cut into triangles. Vertices at one position share a normal.
+/// They are computed from positions alone, whatever normals the mesh brought along. A vertex has the mean of
+/// the normals of the triangles around it, each weighed by its angle there. So it does not depend on how
+/// faces are cut into triangles (Thürmer and Wüthrich 1998, "Computing vertex normals from polygonal
+/// facets"). Vertices at one position share a normal.
 pub(crate) struct SmoothNormals<'a> {
     mesh: &'a TriangleMesh,
     weld: Weld,

@@ -11,15 +11,16 @@ pub const MAX_PSNR_DB: f64 = 999.99;
 /// Mean squared errors between two point sets, in square metres, each the larger of both directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PointErrors {
-    /// Of the vectors to the nearest points.
+    /// Mean square of the vectors to the nearest points.
     pub(crate) d1: f64,
-    /// Of those vectors along the normals there; `None` unless the normals of all points of the reference are known.
+    /// Mean square of those vectors along the normals there. `None` unless the normals of all points of the
+    /// reference are known.
     pub(crate) d2: Option<f64>,
 }
 
 impl PointErrors {
-    /// Measures a test set against a reference, where `there` is what is nearest in the test set to each point of the
-    /// reference and `back` the reverse.
+    /// Measures a test set against a reference. `there` is what is nearest in the test set to each point of
+    /// the reference, and `back` the reverse.
     pub(crate) fn new(
         reference: &PointSet,
         test: &[DVec3],
@@ -58,9 +59,10 @@ fn mean_plane_sq(from: &[DVec3], to: &[DVec3], normals: &[DVec3], nearest: &Near
     })
 }
 
-/// Normals of a test set, from those of its reference, as `scaleNormals` of `pc_error` has it: each point of the
-/// reference adds its normal to its nearest test points, and sums are divided by how many were added, which does not make
-/// them unit vectors again. A test point that got none takes the mean of its nearest in the reference.
+/// Normals of a test set, from those of its reference, as `scaleNormals` of `pc_error` has it. Each point of
+/// the reference adds its normal to its nearest test points. Sums are divided by how many were added, which
+/// does not make them unit vectors again. A test point that got none takes the mean of its nearest in the
+/// reference.
 fn hand_over(
     normals: &[DVec3],
     test_points: usize,

@@ -20,7 +20,7 @@ pub(crate) fn sample_count(area: f64, spacing_m: f64) -> f64 {
 
 /// Draws points uniformly from a surface, each on its own (no stratification), as Sec. 4.1 of the paper does.
 ///
-/// `round(area / spacing_m^2)` samples, at least one. The sequence is fixed by mesh, spacing and seed: three numbers
+/// `round(area / spacing_m^2)` samples, at least one. Mesh, spacing and seed fix the sequence. Three numbers
 /// of [`SplitMix64`] a sample pick a triangle by its share of the area, then a point in it.
 ///
 /// # Panics
@@ -37,7 +37,7 @@ pub fn sample_surface(mesh: &TriangleMesh, spacing_m: f64, seed: u64) -> Vec<Sur
 /// A sample as it is drawn.
 pub(crate) struct Drawn {
     pub(crate) point: DVec3,
-    /// Its triangle.
+    /// Triangle of the sample.
     pub(crate) face: usize,
     /// How much of each corner of the triangle it is (barycentric coordinates).
     pub(crate) weights: [f64; 3],
@@ -53,7 +53,8 @@ pub(crate) fn draw(mesh: &TriangleMesh, spacing_m: f64, seed: u64) -> impl Exact
     })
 }
 
-/// The same in the order of their triangles, which most files list by place: found by one walk through the mesh.
+/// Samples in the order of their triangles, which most files list by place: found by one walk through the
+/// mesh.
 pub(crate) fn draw_in_order(mesh: &TriangleMesh, spacing_m: f64, seed: u64) -> Vec<Drawn> {
     let area_up_to = areas_up_to(mesh);
     let mut picks: Vec<_> = picks(&area_up_to, spacing_m, seed).collect();
@@ -99,8 +100,8 @@ fn drawn(mesh: &TriangleMesh, face: usize, in_face: [f64; 2]) -> Drawn {
     Drawn { point: a + (b - a) * u + (c - a) * v, face, weights: [1.0 - u - v, u, v] }
 }
 
-/// A uniform point of a triangle, as shares of two edges, from two uniform numbers: a point of the parallelogram over the
-/// edges, its far half turned onto the near one.
+/// Uniform point of a triangle, as shares of two edges, from two uniform numbers. It is a point of the
+/// parallelogram over the edges, its far half turned onto the near one.
 fn in_triangle([u, v]: [f64; 2]) -> [f64; 2] {
     if u + v > 1.0 { [1.0 - u, 1.0 - v] } else { [u, v] }
 }
@@ -181,8 +182,8 @@ mod tests {
         assert_eq!(sample_surface(&point, 0.1, 5), [SurfaceSample { point: DVec3::X, normal: DVec3::ZERO }]);
     }
 
-    /// SplitMix64 of seed 1 starts 0.5665..., 0.7458..., 0.9710...: the second triangle (0.5 of its 2 square metres
-    /// lie before it), u and v folded to 0.2542... and 0.0289...
+    /// SplitMix64 of seed 1 starts 0.5665..., 0.7458..., 0.9710... The first picks the second triangle (0.5
+    /// of its 2 square metres lie before it); u and v are folded to 0.2542... and 0.0289...
     #[test]
     fn published_samples_never_move() {
         let first = sample_surface(&two_triangles(), 0.1, 1)[0].point;

@@ -1,5 +1,5 @@
-//! Every figure against a slow evaluation that shares no code with the measured one but the drawing of samples: it tries
-//! all pairs, and each formula is written from its definition.
+//! Every figure against a slow evaluation that shares no code with the measured one but the drawing of
+//! samples. It tries all pairs, and each formula is written from its definition.
 
 use glam::DVec3;
 use isv_metrics::{CompareOptions, GeometryError, Shape, SplitMix64, chamfer, compare, sample_surface};
@@ -9,8 +9,8 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// The closest point of a triangle by trial: the foot on the plane if inside, else the best of the three edges, each
-/// searched by thirds.
+/// Closest point of a triangle by trial. It is the foot on the plane if inside, else the best of the three
+/// edges, each searched by thirds.
 fn closest_on(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
     let normal = (b - a).cross(c - a).normalize();
     let foot = p - normal * normal.dot(p - a);

@@ -80,9 +80,9 @@ fn parallel_squares_are_their_gap_apart_in_every_measure() {
     assert_eq!([error.area_ratio, error.components_ref, error.components_test], [Some(1.0); 3]);
 }
 
-/// Of a unit cube moved by `d` along x, one of the two x faces lies outside the other cube, `d` from it everywhere.
-/// The other lies inside: at `t` from its outline it is `min(t, d)` from the surface. The four side faces coincide but
-/// for a strip of width `d`, whose points are evenly 0 to `d` away.
+/// A unit cube is moved by `d` along x. One of its two x faces lies outside the other cube, `d` from it
+/// everywhere. The other lies inside: at `t` from its outline it is `min(t, d)` from the surface. The four
+/// side faces coincide but for a strip of width `d`, whose points are evenly 0 to `d` away.
 #[test]
 fn a_moved_cube_has_the_distances_of_its_faces() {
     let d = 0.1;

@@ -1,8 +1,9 @@
 //! Triangle meshes with fewer faces, and how far they are from what they were.
 //!
-//! Marching cubes puts two faces or more on every voxel that the surface crosses, flat or not. [`simplify`] collapses
-//! edges at the least quadric error (Garland and Heckbert 1997, by the Rust port of meshoptimizer) down to a number of faces
-//! or up to an error, and measures the error of what it gives back. Normals are made anew, and borders stay where they are.
+//! Marching cubes puts two faces or more on every voxel that the surface crosses, flat or not. [`simplify`]
+//! collapses edges at the least quadric error (Garland and Heckbert 1997, by the Rust port of meshoptimizer).
+//! It goes down to a number of faces or up to an error, and measures the error of what it gives back. Normals
+//! are made anew, and borders stay where they are.
 //!
 //! ```
 //! use isv_simplify::{Budget, simplify};
@@ -65,8 +66,8 @@ pub struct Simplified {
     pub mesh: TriangleMesh,
     /// Largest distance found from either surface to the other, in metres.
     ///
-    /// Measured exactly to the closest triangle, from the vertices of the mesh as it was, and from places all over the faces of
-    /// the simplified one, about as far apart as those vertices.
+    /// It is measured exactly to the closest triangle, from the vertices of the mesh as it was and from
+    /// places all over the simplified faces. Those places are about as far apart as the vertices.
     pub error_m: f64,
 }
 

@@ -61,8 +61,9 @@ impl Bvh {
         self.closest_point(p).distance_sq.sqrt()
     }
 
-    /// The same as [`Self::closest_point`] for each of many points, fastest where points that follow each other lie near each other: each search
-    /// starts from what the one before it found. Which of equally close triangles is reported depends on that.
+    /// Closest points as by [`Self::closest_point`], for each of many points. It is fastest where points that
+    /// follow each other lie near each other: each search starts from what the one before it found. Which of
+    /// equally close triangles is reported depends on that.
     #[must_use]
     pub fn closest_to_each(&self, points: &[DVec3]) -> Vec<Closest> {
         let in_turn = |chunk: &[DVec3]| {
@@ -77,7 +78,7 @@ impl Bvh {
         points.par_chunks(CHUNK).flat_map_iter(in_turn).collect()
     }
 
-    /// The same, if the mesh comes closer to `p` than `max_distance` metres.
+    /// Closest point, if the mesh comes closer to `p` than `max_distance` metres.
     #[must_use]
     pub fn closest_within(&self, p: DVec3, max_distance: f64) -> Option<Closest> {
         let mut best = None;

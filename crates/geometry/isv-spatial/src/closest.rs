@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-/// A triangle whose height over its longest edge is below this share of that edge is treated as its three edges: its
-/// plane is lost in rounding, and the edges are that close to every point of it.
+/// Share of its longest edge below which the height of a triangle makes it count as its three edges. Its
+/// plane is then lost in rounding, and the edges are that close to every point of it.
 const FLAT_SHARE: f64 = 1e-11;
 
 /// The part of a triangle that holds a closest point.
@@ -19,10 +19,11 @@ pub enum Feature {
 
 /// The point of triangle `corners` closest to `p`, and the part of the triangle it lies on.
 ///
-/// Where the foot of `p` on the plane falls inside, that foot; otherwise the closest point of the three edges (the
-/// Voronoi regions of Ericson, Real-Time Collision Detection, 5.1.5, found in an order that needs no barycentric
-/// quotient, so slivers keep full precision). Of equal candidates the one with the lowest edge wins. A triangle
-/// without area behaves as the segment or point it is; the result is finite for finite input.
+/// Foot of `p` on the plane, if it falls inside; otherwise the closest point of the three edges. These are
+/// the Voronoi regions of Ericson, Real-Time Collision Detection, 5.1.5. They are found in an order that
+/// needs no barycentric quotient, so slivers keep full precision. Of equal candidates the one with the lowest
+/// edge wins. A triangle without area behaves as the segment or point it is; the result is finite for finite
+/// input.
 #[must_use]
 pub fn closest_on_triangle(p: DVec3, corners: &[DVec3; 3]) -> (DVec3, Feature) {
     foot_inside(p, corners).map_or_else(|| closest_on_edges(p, corners), |foot| (foot, Feature::Face))

@@ -1,9 +1,10 @@
 //! The far field of a cluster of triangles (Barill et al. 2018, Sec. 3.2), to second order.
 //!
-//! With `g(x) = (x - p) / |x - p|^3`, 4 pi times the winding number at `p` is the integral of `n . g` over the surface.
-//! Expanding `g` around a centre leaves the integrals of `n`, `n (x - centre)^T` and `n (x - centre) (x - centre)^T`. As
-//! `g` is a gradient its derivatives are symmetric in all indices, so only the symmetric parts of those tensors count,
-//! and they are kept as the coefficients of a quadratic and a cubic form.
+//! With `g(x) = (x - p) / |x - p|^3`, 4 pi times the winding number at `p` is the integral of `n . g` over
+//! the surface. Expanding `g` around a centre leaves the integrals of `n`, `n (x - centre)^T` and `n (x -
+//! centre) (x - centre)^T`. As `g` is a gradient its derivatives are symmetric in all indices. So only the
+//! symmetric parts of those tensors count, and they are kept as the coefficients of a quadratic and a cubic
+//! form.
 
 use fearless_simd::prelude::*;
 use glam::DVec3;

@@ -7,8 +7,8 @@ use rayon::prelude::*;
 /// Places searched by one thread; fixed, so that results do not depend on the number of threads.
 const CHUNK: usize = 1024;
 
-/// Most equally near points that are told of one place: enough for all neighbours on a lattice of voxels, few enough to
-/// keep memory proportional to the number of places, wherever the points lie.
+/// Most equally near points that are told of one place. These are enough for all neighbours on a lattice of
+/// voxels. They are few enough to keep memory proportional to the number of places, wherever the points lie.
 pub const MAX_TIES: usize = 30;
 
 /// For each of many places the nearest points of a [`PointTree`].
@@ -45,8 +45,8 @@ impl NearestPoints {
 }
 
 impl PointTree {
-    /// The nearest points to each place. Fastest where places that follow each other lie near each other, as those of
-    /// [`PointTree::points`] do: each search starts from what the one before it found.
+    /// Nearest points to each place. It is fastest where places that follow each other lie near each other,
+    /// as those of [`PointTree::points`] do. Each search starts from what the one before it found.
     ///
     /// # Panics
     /// If the tree is empty and there are places.

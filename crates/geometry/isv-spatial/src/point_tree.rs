@@ -9,11 +9,11 @@ const LEAF_SIZE: usize = 8;
 /// Ranges of at least this many points are built by two threads.
 const PARALLEL_SIZE: usize = 8192;
 
-/// A balanced k-d tree without pointers: the middle point of a range splits it along an axis, the points before it
-/// make one child and those behind it the other, down to `LEAF_SIZE`.
+/// A balanced k-d tree without pointers. The middle point of a range splits it along an axis. The points
+/// before it make one child and those behind it the other, down to `LEAF_SIZE`.
 ///
-/// Our own and not a crate's, because samples of flat walls share one coordinate by the thousand, which bucket trees
-/// refuse or degenerate on; splitting by rank does not mind.
+/// The tree is our own and not a crate's. Samples of flat walls share one coordinate by the thousand, which
+/// bucket trees refuse or degenerate on; splitting by rank does not mind.
 #[derive(Clone, Debug)]
 pub struct PointTree {
     points: Vec<DVec3>,
@@ -70,11 +70,11 @@ impl PointTree {
         best_sq
     }
 
-    /// The `k` points nearest to `p` (all points if there are fewer), nearest first; among equals the one that came first
-    /// in the list that the tree was made from. `found` is cleared and filled.
+    /// The `k` points nearest to `p`, nearest first, or all points if there are fewer. Among equals the one
+    /// comes first that came first in the list that the tree was made from. `found` is cleared and filled.
     ///
-    /// Where more than [`MAX_TIES`] points that are exactly as far as the last one are left over, only so many are compared:
-    /// the last ones may then not be the first in the list, but always are the same ones.
+    /// If more than [`MAX_TIES`] points that are exactly as far as the last one are left over, only so many
+    /// are compared. The last ones may then not be the first in the list, but always are the same ones.
     pub fn k_nearest(&self, p: DVec3, k: usize, found: &mut Vec<Neighbour>) {
         found.clear();
         if k == 0 {
@@ -86,16 +86,16 @@ impl PointTree {
         });
     }
 
-    /// Shows `look` each point, with its place in the tree's order, that may lie within the squared radius that `look`
-    /// returned last, which is `within_sq` before.
+    /// Shows `look` each point, with its place in the tree's order, that may lie within a squared radius. The
+    /// radius is what `look` returned last, and `within_sq` before.
     pub(crate) fn visit(&self, p: DVec3, within_sq: f64, look: &mut impl FnMut(DVec3, usize) -> f64) {
         // For a place outside the box: what lies far from it along one axis can only be ruled out along the others.
         let beyond = (self.bounds.0 - p).max(p - self.bounds.1).max(DVec3::ZERO);
         self.visit_range(0, self.points.len(), p, within_sq, (beyond * beyond).to_array(), look);
     }
 
-    /// The same for a range of the tree's order, all of whose points are at least `beyond_sq` (squared, along each axis) from
-    /// `p`. Returns what `look` returned last.
+    /// Visits a range of the tree's order, all of whose points are at least `beyond_sq` (squared, along each
+    /// axis) from `p`. Returns what `look` returned last.
     fn visit_range(
         &self,
         start: usize,
@@ -132,7 +132,7 @@ impl PointTree {
 struct Search<'a> {
     /// How many are looked for.
     k: usize,
-    /// Those found, nearest first.
+    /// Points found so far, nearest first.
     found: &'a mut Vec<Neighbour>,
     /// How many points were met that are as far as the last of those found, but too many.
     left_over: usize,

@@ -9,9 +9,9 @@ pub type PositionKey = [u64; 3];
 
 /// Something for each of some positions.
 ///
-/// Its hash has a key of its own, unlike those that are faster yet: positions are what a file says, and a file that knows how they are
-/// hashed can choose thousands that fall into one place, so that each one is compared with all before it. The order of iteration
-/// is another one each time.
+/// The hash has a key of its own, unlike faster ones. Positions are what a file says. A file that knows how
+/// they are hashed can choose thousands that fall into one place. Each one is then compared with all before
+/// it. The order of iteration is another one each time.
 pub type PositionMap<T> = HashMap<PositionKey, T, RandomState>;
 
 /// Some positions, or groups of them; hashed as in [`PositionMap`].

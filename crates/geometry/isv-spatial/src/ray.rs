@@ -5,8 +5,8 @@ use crate::tree::{Content, MAX_DEPTH, Node};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Widening of the part of a ray inside a box, so that rounding hides no triangle from it (Ize 2013, "Robust BVH ray
-/// traversal", Journal of Computer Graphics Techniques 2).
+/// Widening of the part of a ray inside a box, so that rounding hides no triangle from it. It is that of Ize
+/// 2013, "Robust BVH ray traversal", Journal of Computer Graphics Techniques 2.
 const WIDENING: f64 = 1.0 + 4.0 * f64::EPSILON;
 
 /// Rays followed by one thread.
@@ -115,8 +115,8 @@ impl Slabs {
     }
 }
 
-/// A ray made ready for many triangles, as the map of space that makes it the third axis (Woop, Benthin and Wald 2013,
-/// "Watertight ray/triangle intersection", Journal of Computer Graphics Techniques 2).
+/// A ray made ready for many triangles, as the map of space that makes it the third axis. It is that of Woop,
+/// Benthin and Wald 2013, "Watertight ray/triangle intersection", Journal of Computer Graphics Techniques 2.
 struct Shear {
     origin: DVec3,
     /// The axes in their new order: the third is the one that the ray is most along.

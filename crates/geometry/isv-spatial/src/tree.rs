@@ -4,8 +4,8 @@ use glam::DVec3;
 use isv_volume::{BlockCoord, TriangleMesh};
 use rayon::prelude::*;
 
-/// Below this depth the surface-area heuristic may split unevenly; from here on every split halves the triangles, so
-/// the depth never passes [`MAX_DEPTH`], whatever the input.
+/// Depth below which the surface-area heuristic may split unevenly. From here on every split halves the
+/// triangles, so the depth never passes [`MAX_DEPTH`], whatever the input.
 const UNEVEN_DEPTH: usize = 40;
 
 /// Bound on the depth of a tree: [`UNEVEN_DEPTH`] plus the halvings of 2^32 triangles.
@@ -75,9 +75,10 @@ impl Item {
 }
 
 impl Tree {
-    /// Builds a tree with at most `leaf_size` triangles a leaf, by where triangles are: cubes are halved along each axis in turn,
-    /// which is found by sorting (Lauterbach et al. 2009, "Fast BVH construction on GPUs"). Far faster to build than
-    /// [`Self::build`], and a little slower to search. Also returns the corners of the triangles in its order.
+    /// Builds a tree with at most `leaf_size` triangles a leaf, by where triangles are. Cubes are halved
+    /// along each axis in turn, which is found by sorting (Lauterbach et al. 2009, "Fast BVH construction on
+    /// GPUs"). It is far faster to build than [`Self::build`], and a little slower to search. Also returns
+    /// the corners of the triangles in its order.
     ///
     /// # Panics
     /// As [`Self::build`].
@@ -117,7 +118,7 @@ impl Tree {
     }
 }
 
-/// Where a triangle is, as a Morton code, and which it is.
+/// Place of a triangle, as a Morton code, and which it is.
 type Place = (u64, u32);
 
 /// What nodes are made from.

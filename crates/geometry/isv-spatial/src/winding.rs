@@ -1,11 +1,13 @@
 //! Generalized winding number.
 //!
-//! The winding number of a point is the solid angle under which it sees the mesh, signed by orientation, over 4 pi:
-//! 1 inside a closed surface and 0 outside, 2 where two closed parts overlap, and in between, smoothly, near holes
-//! (Jacobson et al. 2013, "Robust inside-outside segmentation using generalized winding numbers").
+//! The winding number of a point is the solid angle under which it sees the mesh, signed by orientation, over
+//! 4 pi. It is 1 inside a closed surface and 0 outside, and 2 where two closed parts overlap. Near holes it
+//! is in between, smoothly (Jacobson et al. 2013, "Robust inside-outside segmentation using generalized
+//! winding numbers").
 //!
-//! Evaluated as in Barill et al. 2018, "Fast winding numbers for soups and clouds": a cluster of triangles seen from
-//! more than [`BETA`] times its radius is replaced by its Taylor expansion, triangles nearby are summed exactly.
+//! It is evaluated as in Barill et al. 2018, "Fast winding numbers for soups and clouds". A cluster of
+//! triangles seen from more than [`BETA`] times its radius is replaced by its Taylor expansion. Triangles
+//! nearby are summed exactly.
 
 use crate::expansion::{Expansion, Ways};
 use crate::tree::{Content, MAX_DEPTH, Node, Tree};
@@ -115,8 +117,8 @@ const FEW: usize = 3;
 impl WindingNumber {
     /// The winding numbers at many points, faster than one by one if points that follow each other are close together.
     ///
-    /// A cluster is expanded for eight points together or not at all, so the numbers may differ from those of [`Self::at`], and
-    /// by what the other points are, within the accuracy of the expansion.
+    /// A cluster is expanded for eight points together or not at all. So the numbers may differ from those of
+    /// [`Self::at`], and by what the other points are, within the accuracy of the expansion.
     #[must_use]
     pub fn at_points(&self, points: &[DVec3]) -> Vec<f64> {
         let mut numbers = Vec::with_capacity(points.len());
@@ -177,7 +179,7 @@ impl WindingNumber {
     }
 }
 
-/// Those of the points that one vector holds, as wide as the machine has them, and what was summed for them so far.
+/// Points that one vector holds, as wide as the machine has them, and what was summed for them so far.
 #[derive(Clone, Copy)]
 struct Part<S: Simd> {
     points: [S::f64s; 3],

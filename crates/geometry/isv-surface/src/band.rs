@@ -6,12 +6,12 @@ use isv_kernels::simd::vectorized;
 use isv_volume::{BlockEdge, Neighbourhood, SparseVolume};
 use rayon::prelude::*;
 
-/// The volume without the blocks that its surface does not need: what stays are the blocks with a voxel at most one voxel
-/// (along every axis) away from a corner of a cell that the surface crosses.
+/// The volume without the blocks that its surface does not need. Blocks stay that have a voxel at most one
+/// voxel (along every axis) away from a corner of a cell that the surface crosses.
 ///
-/// [`extract_surface`](crate::extract_surface) gives the same mesh, bit for bit, with its normals. The voxel of margin is
-/// what the normals read, and it leaves room for a codec to move the surface by as much without tearing it. What is lost
-/// is the distance farther away, out to the truncation.
+/// [`extract_surface`](crate::extract_surface) gives the same mesh, bit for bit, with its normals. The voxel
+/// of margin is what the normals read. It leaves room for a codec to move the surface by as much without
+/// tearing it. What is lost is the distance farther away, out to the truncation.
 #[must_use]
 pub fn surface_band(volume: &SparseVolume) -> SparseVolume {
     let keep = match volume.grid().edge {

@@ -6,18 +6,19 @@
 //!
 //! The table is derived, not typed in:
 //!
-//! 1. Walk each face of the cube counter-clockwise seen from outside the cell. Each run of inside corners is *entered*
-//!    over one edge and *left* over another. A segment goes from the first to the second: it cuts that run off from the
-//!    rest of the face. On an ambiguous face, with the inside corners at opposite ends of a diagonal, each of the two
-//!    is cut off alone. As the rule looks at nothing but the four signs of the face, the cell on the other side draws
-//!    the same segments, walked the other way: no cracks.
-//! 2. A crossing edge lies on two faces, whose walks pass it in opposite directions: one face enters over it, the other
-//!    leaves. So the segments make each crossing edge the start of one and the end of another, and chain into closed
-//!    loops, with the outside on the left of a walker on the surface: counter-clockwise seen from outside the solid.
-//! 3. Each loop becomes a fan of triangles about one of its vertices. The fan must have no diagonal between two vertices
-//!    on a common face, as the neighbour may draw the same diagonal there, and an edge with four triangles would result.
-//!    The first vertex that allows this is taken; the test `every_loop_has_a_fan_without_diagonals_in_faces` shows that
-//!    there always is one.
+//! 1. Walk each face of the cube counter-clockwise seen from outside the cell. Each run of inside corners is
+//!    *entered* over one edge and *left* over another. A segment goes from the first to the second: it cuts
+//!    that run off from the rest of the face. On an ambiguous face, with the inside corners at opposite ends
+//!    of a diagonal, each of the two is cut off alone. The rule looks at nothing but the four signs of the
+//!    face. So the cell on the other side draws the same segments, walked the other way: no cracks.
+//! 2. A crossing edge lies on two faces, whose walks pass it in opposite directions: one face enters over it,
+//!    the other leaves. So the segments make each crossing edge the start of one and the end of another, and
+//!    chain into closed loops. The outside is on the left of a walker on the surface: counter-clockwise seen
+//!    from outside the solid.
+//! 3. Each loop becomes a fan of triangles about one of its vertices. The fan must have no diagonal between
+//!    two vertices on a common face. The neighbour may draw the same diagonal there, and an edge with four
+//!    triangles would result. The first vertex that allows this is taken; the test
+//!    `every_loop_has_a_fan_without_diagonals_in_faces` shows that there always is one.
 //!
 //! Source: the idea of Lorensen and Cline 1987; the face rule as in Bloomenthal's polygonizer (Graphics Gems IV, 1994).
 
@@ -54,8 +55,8 @@ impl Case {
 pub(crate) static CASES: LazyLock<[Case; 256]> =
     LazyLock::new(|| std::array::from_fn(|pattern| derive(pattern as u8)));
 
-/// The triangles that the surface makes in a cell whose corners have these signs, at most five, their corners named by the edges of
-/// the cell that they lie on, counter-clockwise seen from outside the solid.
+/// Triangles that the surface makes in a cell whose corners have these signs, at most five. Their corners are
+/// named by the edges of the cell that they lie on, counter-clockwise seen from outside the solid.
 ///
 /// Corner `c` of a cell lies at `(c & 1, c >> 1 & 1, c >> 2 & 1)`; bit `c` of the pattern is set when that corner is inside. Edge `e`
 /// runs along axis `e / 4`; `e % 4` holds the two coordinates of the other axes, lower axis in the lower bit.

@@ -3,8 +3,9 @@
 /// Position of the first-vertex number in the word.
 const FIRST_SHIFT: u32 = 48;
 
-/// The crossing edges that start in a row of up to 16 voxels, in one word: bit `3 x + axis` for the edge that starts in
-/// voxel x and runs along `axis`; the upper 16 bits hold the number, within the block, of the first vertex of the row.
+/// Crossing edges that start in a row of up to 16 voxels, in one word. Bit `3 x + axis` is for the edge that
+/// starts in voxel x and runs along `axis`. The upper 16 bits hold the number, within the block, of the first
+/// vertex of the row.
 ///
 /// A block has at most `3 * 16^3 = 12288` vertices, so the number fits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -17,7 +18,7 @@ impl EdgeRow {
         Self(spread_by_three(x) | spread_by_three(y) << 1 | spread_by_three(z) << 2)
     }
 
-    /// The same edges, given the number of vertices in the block before this row.
+    /// Row of these edges, given the number of vertices in the block before it.
     #[inline(always)]
     pub(crate) fn with_first(self, first: u32) -> Self {
         Self(self.bits() | u64::from(first) << FIRST_SHIFT)

@@ -27,13 +27,13 @@ pub struct TooManyVertices {
     pub limit: usize,
 }
 
-/// The zero crossing of a volume as an indexed mesh: positions in metres, triangles counter-clockwise seen from the
-/// outside (positive codes), one vertex an edge, no vertex without a triangle.
+/// Zero crossing of a volume as an indexed mesh. Positions are in metres, and triangles counter-clockwise
+/// seen from the outside (positive codes). There is one vertex an edge, and no vertex without a triangle.
 ///
 /// - Code 0 counts as outside.
 /// - A cell with a corner in a missing block or at an unobserved voxel gets no triangles: the mesh ends there.
-/// - Vertices are in the order of the voxel where their edge starts, triangles in that of their cell's lowest corner:
-///   blocks in Morton order, then z, y, x.
+/// - Vertices are in the order of the voxel where their edge starts, triangles in that of their cell's lowest
+///   corner. That is blocks in Morton order, then z, y, x.
 ///
 /// # Panics
 /// If the surface has more than `u32::MAX` vertices, which takes over 10^9 voxels.

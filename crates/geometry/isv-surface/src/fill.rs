@@ -8,7 +8,7 @@ use crate::vertices::EdgeZeros;
 use glam::DVec3;
 use isv_volume::{NeighbourFinder, Neighbourhood, OCTET_SLOTS};
 
-/// Where a part of the mesh goes.
+/// Place of a part of the mesh.
 pub(crate) struct Place<'a> {
     pub(crate) vertices: &'a mut [DVec3],
     /// Empty if they are not wanted.
@@ -25,7 +25,7 @@ pub(crate) struct Scratch {
 
 /// The numbers of the blocks among those of the surface, and of their first vertices.
 pub(crate) struct Numbering {
-    /// Of each block of the volume, one more than its number among those of the surface; 0 for the others.
+    /// Numbers of the blocks of the volume among those of the surface, plus one; 0 for the others.
     numbers: Vec<u32>,
     first: Vec<u32>,
 }

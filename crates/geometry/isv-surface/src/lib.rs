@@ -1,10 +1,11 @@
 //! Sparse TSDF volumes to triangle meshes: marching cubes over the blocks of a
 //! [`SparseVolume`](isv_volume::SparseVolume).
 //!
-//! A *cell* is the cube between eight neighbouring voxel centres. Each cell whose corners do not all have one sign is
-//! crossed by the surface; a table derived by code (`cases`) tells which triangles to put into it. The mesh is indexed,
-//! with one vertex on each voxel edge the surface crosses, shared by all cells around that edge, inside blocks and
-//! across their borders. It is oriented and has no cracks: away from cells that could not be seen it is closed.
+//! A *cell* is the cube between eight neighbouring voxel centres. The surface crosses each cell whose corners
+//! do not all have one sign. A table derived by code (`cases`) tells which triangles to put into it. The mesh
+//! is indexed, with one vertex on each voxel edge the surface crosses. All cells around that edge share it,
+//! inside blocks and across their borders. The mesh is oriented and has no cracks: away from cells that could
+//! not be seen it is closed.
 //!
 //! ```
 //! use isv_surface::{SurfaceOptions, extract_surface};
@@ -28,11 +29,12 @@
 //!
 //! 1. The signs of each block become bits, one word a row of voxels (`signs`). From these and those at the near sides of its
 //!    neighbours follows which blocks the surface can cross. All that comes after looks at no others.
-//! 2. Each such block, padded by one voxel of its neighbours (`window`), finds the crossing edges that start in it with a few
-//!    word operations a row, keeps them as a bit set that also numbers them (`edges`), and lists its crossed cells (`chunk`).
-//! 3. Running sums give each block its place in the output, and the blocks fill it in parallel (`fill`): vertices
-//!    (`vertices`), their normals (`normals`), then triangles (`triangles`), whose corners are looked up among the vertices
-//!    of the block and of the near sides of its neighbours.
+//! 2. Each such block, padded by one voxel of its neighbours (`window`), finds the crossing edges that start
+//!    in it. A row takes a few word operations. The block keeps the edges as a bit set that also numbers them
+//!    (`edges`), and lists its crossed cells (`chunk`).
+//! 3. Running sums give each block its place in the output, and the blocks fill it in parallel (`fill`). They
+//!    write vertices (`vertices`), their normals (`normals`), then triangles (`triangles`). Corners of
+//!    triangles are looked up among the vertices of the block and of the near sides of its neighbours.
 //!
 //! Everything is in Morton order of blocks and voxel order within, so any number of threads gives the same mesh.
 //!

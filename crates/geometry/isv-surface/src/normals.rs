@@ -17,8 +17,8 @@ const UNKNOWN: i16 = i16::MIN;
 /// The codes of a block that is not there.
 static MISSING: [i16; 4096] = [UNKNOWN; 4096];
 
-/// The codes of a block and what is around it, one voxel before and two after along every axis: as far as the differences
-/// reach at both ends of the edges that start in the block.
+/// Codes of a block and what is around it, one voxel before and two after along every axis. That is as far as
+/// the differences reach at both ends of the edges that start in the block.
 pub(crate) struct CodeWindow(Box<[i16; MAX_WINDOW.pow(3)]>);
 
 impl Default for CodeWindow {

@@ -35,12 +35,13 @@ pub enum SamplingError {
     },
 }
 
-/// Spreads points over a mesh: its area is cut into equal pieces along a curve that fills space, and each piece gets the
-/// point in its middle. No random numbers: same mesh, same points.
+/// Spreads points over a mesh. Its area is cut into equal pieces along a curve that fills space, and each
+/// piece gets the point in its middle. No random numbers: same mesh, same points.
 ///
-/// On the surface of a captured human the distance to the nearest other point varies by 0.33 to 0.36 of its mean (standard
-/// deviation), at spacings of 5 to 20 mm. It is 0.52 for random points, and 0.67 for the vertices of marching cubes, of
-/// which many lie close together on either side of a voxel centre; test `a_sphere_is_covered_evenly` holds the order.
+/// On the surface of a captured human the distance to the nearest other point varies by 0.33 to 0.36 of its
+/// mean (standard deviation). That holds at spacings of 5 to 20 mm. It is 0.52 for random points. It is 0.67
+/// for the vertices of marching cubes, of which many lie close together on either side of a voxel centre.
+/// Test `a_sphere_is_covered_evenly` holds the order.
 ///
 /// Normals are interpolated from those of the mesh; without any they are those of the triangles. A mesh without area
 /// gives no points.
@@ -109,8 +110,8 @@ fn curve_order(mesh: &TriangleMesh, spacing_m: f64) -> Vec<u32> {
     order.into_iter().map(|(_, face)| face).collect()
 }
 
-/// Barycentric weights of a point: the share of the triangle's area that lies before it decides along one edge, the
-/// golden ratio's multiples of its number along the other.
+/// Barycentric weights of a point. The share of the triangle's area that lies before it decides along one
+/// edge, the golden ratio's multiples of its number along the other.
 fn corner_weights(share: f64, number: usize) -> [f64; 3] {
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
     let root = share.sqrt();

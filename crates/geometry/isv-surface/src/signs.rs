@@ -15,14 +15,15 @@ pub(crate) const MIN_BLOCKS: usize = 32;
 pub(crate) struct Signs<const SIDE: usize> {
     inside: Vec<Rows<SIDE>>,
     parts: Vec<Parts>,
-    /// Of each block, which of the `observed` rows are its.
+    /// Index of each block's rows among the `observed` ones.
     pattern: Vec<u32>,
     /// The rows of a block that was observed in full, then those of each block that was not.
     observed: Vec<Rows<SIDE>>,
 }
 
-/// Of a block, which of its parts have voxels inside, and which outside: bit `p` for the voxels whose coordinate is 0 along
-/// every axis of `p`, with x in bit 0. It is what cells reach that start in the block at `-x` where `p` has x, and so on.
+/// Parts of a block that have voxels inside, and those that have some outside. Bit `p` is for the voxels
+/// whose coordinate is 0 along every axis of `p`, with x in bit 0. It is what cells reach that start in the
+/// block at `-x` where `p` has x, and so on.
 #[derive(Clone, Copy, Debug, Default)]
 struct Parts {
     inside: u8,

@@ -73,8 +73,9 @@ pub(crate) fn find_cells<const SIDE: usize>(
     count
 }
 
-/// The vertices' numbers on the edges that start in a block and at the near sides of its plus neighbours, as far as the cells
-/// of the block reach, by voxel and axis. Other entries are left over from other blocks.
+/// Numbers of the vertices on the edges that start in a block and at the near sides of its plus neighbours,
+/// by voxel and axis. They reach as far as the cells of the block. Other entries are left over from other
+/// blocks.
 pub(crate) struct VertexIds(Box<[u32; ENTRIES]>);
 
 impl Default for VertexIds {

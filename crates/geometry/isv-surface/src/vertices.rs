@@ -1,4 +1,4 @@
-//! Where vertices lie on their edges.
+//! Places of vertices on their edges.
 
 use glam::DVec3;
 use isv_volume::{Neighbourhood, OCTET_SLOTS, SparseVolume};
@@ -10,7 +10,7 @@ pub(crate) struct EdgeZeros<'a, const SIDE: usize> {
     /// Coordinates of the first voxel's centre in metres.
     origin_m: DVec3,
     voxel_m: f64,
-    /// The same of all voxels' along each axis.
+    /// Centres of all voxels along each axis, in metres.
     centres_m: [[f64; SIDE]; 3],
 }
 
@@ -20,13 +20,14 @@ pub(crate) struct EdgeZero {
     /// The voxel where the edge starts.
     pub(crate) lower: [usize; 3],
     pub(crate) axis: usize,
-    /// Where between the two voxel centres the field is zero, in 0..1, both ends excluded.
+    /// Share of the way between the two voxel centres at which the field is zero, in 0..1, both ends
+    /// excluded.
     pub(crate) fraction: f64,
     pub(crate) lower_inside: bool,
 }
 
 impl<'a, const SIDE: usize> EdgeZeros<'a, SIDE> {
-    /// Of a block, given those around it.
+    /// Vertices of a block, given those around it.
     #[inline(always)]
     pub(crate) fn new(volume: &'a SparseVolume, block: u32, around: &Neighbourhood) -> Self {
         let samples = |block: u32| volume.block(block as usize);

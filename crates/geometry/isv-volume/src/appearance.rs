@@ -41,8 +41,9 @@ impl Image {
         &self.pixels
     }
 
-    /// Colour between pixels, 0 to 255 a channel. `x` and `y` count pixels from the left and the top edge, so that the middle of the
-    /// first pixel lies at (0.5, 0.5); outside the image the nearest pixel counts. sRGB values are averaged as they are.
+    /// Colour between pixels, 0 to 255 a channel. `x` and `y` count pixels from the left and the top edge, so
+    /// that the middle of the first pixel lies at (0.5, 0.5). Outside the image the nearest pixel counts.
+    /// sRGB values are averaged as they are.
     #[must_use]
     pub fn bilinear(&self, x: f64, y: f64) -> [f32; 3] {
         let along = |at: f64, side: u32| {

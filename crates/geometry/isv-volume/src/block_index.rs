@@ -14,15 +14,15 @@ const SPREAD: [u32; 4] = [0, 1, 8, 9];
 
 /// Look-up from block coordinate to block index.
 ///
-/// Blocks are kept as bits of cells of 4x4x4 blocks. As the list is in Morton order, the blocks of a cell follow one another,
-/// and a block's index is that of the cell's first and the number of bits below its own.
+/// Blocks are kept as bits of cells of 4x4x4 blocks. As the list is in Morton order, the blocks of a cell
+/// follow one another. A block's index is that of the cell's first and the number of bits below its own.
 #[derive(Clone, Debug, Default)]
 pub struct BlockIndex {
     /// Hashed with a random key, as streams choose the blocks: with a known hash all of them could be made to collide.
     cells: HashMap<CellPlace, Cell>,
 }
 
-/// Where a cell is, in cells.
+/// Place of a cell, in cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct CellPlace([i32; 3]);
 
@@ -133,8 +133,8 @@ impl BlockIndex {
     }
 }
 
-/// The slots of a [`Neighbourhood`] that hold an octet, the middle block first: bit 0 of the position is the step along x, bit 1
-/// along y, bit 2 along z.
+/// Slots of a [`Neighbourhood`] that hold an octet, the middle block first. Bit 0 of the position is the step
+/// along x, bit 1 along y, bit 2 along z.
 pub const OCTET_SLOTS: [usize; 8] = [13, 14, 16, 17, 22, 23, 25, 26];
 
 /// Blocks along a cell's edge, and with those around it.
@@ -142,7 +142,7 @@ const CELL_EDGE: usize = 1 << CELL_LOG2;
 const AROUND_EDGE: usize = CELL_EDGE + 2;
 const AROUND: usize = AROUND_EDGE * AROUND_EDGE * AROUND_EDGE;
 
-/// Of the 3x3x3 cells around a cell, those of their blocks that are in it or touch it: bits of a cell.
+/// Blocks of each of the 3x3x3 cells around a cell that are in it or touch it: bits of a cell.
 const TOUCHING: [u64; 27] = touching();
 
 const fn touching() -> [u64; 27] {
@@ -161,7 +161,8 @@ const fn touching() -> [u64; 27] {
     touching
 }
 
-/// How far before the first of them, among the blocks of a cell and those around it, the first block of the cell before would be.
+/// Distance from the first block of the cell before to the first of these, among the blocks of a cell and
+/// those around it.
 const FIRST_PLACE: usize = (CELL_EDGE - 1) * (1 + AROUND_EDGE + AROUND_EDGE * AROUND_EDGE);
 
 /// How far each block of a cell is from the cell's first among these, by its bit.
@@ -188,7 +189,7 @@ pub struct NeighbourFinder<'a> {
     place: Option<CellPlace>,
     /// The blocks of that cell and those around it, x fastest.
     blocks: [Option<u32>; AROUND],
-    /// Where among these the 3x3x3 blocks around the middle block begin.
+    /// Beginning of the 3x3x3 blocks around the middle block among these.
     lowest: usize,
 }
 

@@ -1,8 +1,9 @@
 //! Sets of blocks, and what is done with them as a whole: union, difference, the blocks around them.
 //!
-//! Blocks are kept as bits of cells of 4x4x4 blocks: bit `code % 64` of cell `code / 64`, for the Morton code of a block. A
-//! step along an axis moves bits by a few places within the cell or into the next one, and a step along each axis in turn
-//! reaches all 26 neighbours. Cells in order with their bits in order are blocks in Morton order.
+//! Blocks are kept as bits of cells of 4x4x4 blocks: bit `code % 64` of cell `code / 64`, for the Morton code
+//! of a block. A step along an axis moves bits by a few places within the cell or into the next one. A step
+//! along each axis in turn reaches all 26 neighbours. Cells in order with their bits in order are blocks in
+//! Morton order.
 
 use crate::{BlockCoord, MortonCode};
 use std::cmp::Ordering;
@@ -78,7 +79,7 @@ pub struct BlockSet {
 }
 
 impl BlockSet {
-    /// Of blocks in Morton order.
+    /// Set of blocks in Morton order.
     ///
     /// # Panics
     /// In debug builds, if they are not.
@@ -95,7 +96,7 @@ impl BlockSet {
         Self { cells }
     }
 
-    /// Those of its cells that have blocks, in order.
+    /// Cells that have blocks, in order.
     #[must_use]
     pub fn cells(&self) -> &[BlockCell] {
         &self.cells
@@ -208,7 +209,7 @@ impl BlockSet {
 }
 
 impl FromIterator<BlockCell> for BlockSet {
-    /// Of cells in order, each there once.
+    /// Set of cells in order, each there once.
     fn from_iter<T: IntoIterator<Item = BlockCell>>(cells: T) -> Self {
         let cells: Vec<BlockCell> = cells.into_iter().filter(|cell| cell.blocks != 0).collect();
         debug_assert!(cells.is_sorted_by(|a, b| a.code < b.code), "cells in order");

@@ -1,4 +1,4 @@
-//! Where a block is, and the order blocks are kept in.
+//! Place of a block, and the order blocks are kept in.
 
 /// Block coordinates lie in `-COORD_LIMIT..COORD_LIMIT` on every axis, so that a [`MortonCode`] fits 63 bits.
 /// With 8-voxel blocks of 5 mm voxels that is 42 km either way.

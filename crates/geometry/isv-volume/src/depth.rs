@@ -58,8 +58,8 @@ pub enum DepthError {
     },
 }
 
-/// A pinhole camera without distortion (Eq. 4): a point `(x, y, z)` in front of it, x right, y down, z forward, falls
-/// on column `fx x / z + cx` and row `fy y / z + cy`, where whole numbers are the centres of pixels.
+/// A pinhole camera without distortion (Eq. 4), x right, y down, z forward. A point `(x, y, z)` in front of
+/// it falls on column `fx x / z + cx` and row `fy y / z + cy`. Whole numbers are the centres of pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Intrinsics {
     /// Pixels a row.
@@ -112,7 +112,7 @@ impl Intrinsics {
     }
 }
 
-/// Where a camera stands: from its coordinates (x right, y down, z forward) to the world's, in metres.
+/// Pose of a camera: from its coordinates (x right, y down, z forward) to the world's, in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraPose {
     /// Columns are the camera's axes in the world.
@@ -180,8 +180,8 @@ pub struct DepthImage {
 }
 
 impl DepthImage {
-    /// Joins an image and its camera. Depths run along z, not along the ray, in metres, row after row from the top; what
-    /// is not a positive finite number is no reading and becomes 0.
+    /// Joins an image and its camera. Depths run along z, not along the ray, in metres, row after row from
+    /// the top. A depth that is not a positive finite number is no reading and becomes 0.
     ///
     /// # Errors
     /// [`DepthError::Intrinsics`] and [`DepthError::ImageSize`].
@@ -205,7 +205,7 @@ impl DepthImage {
         &self.intrinsics
     }
 
-    /// Where the camera stood.
+    /// Pose in which the camera stood.
     #[must_use]
     pub fn pose(&self) -> &CameraPose {
         &self.pose

@@ -72,8 +72,9 @@ impl FitError {
 }
 
 impl Grid {
-    /// Refuses a surface whose largest absolute coordinate is `farthest_m` metres if, with `margin` voxels around it, it goes
-    /// beyond what coordinates of cubes of `cube` voxels can address. The last `clear` cubes are left free.
+    /// Refuses a surface that goes beyond what coordinates of cubes of `cube` voxels can address. Its largest
+    /// absolute coordinate is `farthest_m` metres, and `margin` voxels are around it. The last `clear` cubes
+    /// are left free.
     ///
     /// # Errors
     /// [`FitError::OutOfRange`].

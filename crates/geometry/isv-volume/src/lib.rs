@@ -1,8 +1,9 @@
 //! The nouns of isv: what every other crate talks about, with no algorithm beyond indexing.
 //!
-//! A frame is a [`SparseVolume`]: a set of cubic blocks of voxels in Morton order, each voxel an integer code of the
-//! truncated signed distance to the surface (negative inside), [`CODES_PER_VOXEL`] codes to one voxel edge. A
-//! [`TriangleMesh`], a [`PointCloud`] or a [`DepthImage`] is what goes in, a mesh or points are what comes out.
+//! A frame is a [`SparseVolume`]: a set of cubic blocks of voxels in Morton order. Each voxel is an integer
+//! code of the truncated signed distance to the surface (negative inside), with [`CODES_PER_VOXEL`] codes to
+//! one voxel edge. A [`TriangleMesh`], a [`PointCloud`] or a [`DepthImage`] is what goes in, a mesh or points
+//! are what comes out.
 //!
 //! ```
 //! use isv_volume::{BlockCoord, BlockEdge, Grid, Truncation, VolumeBuilder, VoxelSize};

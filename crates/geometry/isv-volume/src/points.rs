@@ -45,7 +45,7 @@ pub struct PointCloud {
     pub normals: Vec<DVec3>,
     /// sRGB of each point; empty when the cloud has no colours.
     pub colours: Vec<Rgb>,
-    /// Where the points were seen from, in metres, if the capture tells.
+    /// Place that the points were seen from, in metres, if the capture tells.
     pub viewpoint: Option<DVec3>,
     /// Places of several scans, where the points were seen from more than one; those of runs of points, in order.
     pub scans: Vec<ScanPlace>,

@@ -10,19 +10,19 @@ use std::sync::Arc;
 /// Voxels are observed (W = 1 in Eq. 2) unless their block's mask says otherwise; blocks that are not there hold
 /// nothing within the truncation band.
 ///
-/// Samples are in chunks that volumes share: a copy of a volume, or one that differs from it in some blocks
+/// Samples are in chunks that volumes share. A copy of a volume, or one that differs from it in some blocks
 /// ([`Self::succeed`]), takes memory and time for what is its own.
 #[derive(Clone, Debug)]
 pub struct SparseVolume {
     grid: Grid,
     coords: Arc<Vec<BlockCoord>>,
-    /// Where the samples of each block are.
+    /// Places of the samples of each block.
     places: Arc<Vec<Place>>,
     chunks: Vec<Arc<Vec<i16>>>,
     unobserved: Arc<BTreeMap<u32, VoxelMask>>,
 }
 
-/// Where a block's samples are.
+/// Place of a block's samples.
 #[derive(Clone, Copy, Debug)]
 struct Place {
     chunk: u32,
@@ -30,7 +30,7 @@ struct Place {
     block: u32,
 }
 
-/// Where the samples of a block come from when a volume succeeds another one.
+/// Source of the samples of a block when a volume succeeds another one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BlockOrigin {
     /// They are those of this block of the volume before, and are shared with it.
@@ -117,8 +117,8 @@ impl SparseVolume {
         Self { grid: self.grid, coords, places, chunks, unobserved }
     }
 
-    /// The chunks of which a successor uses more than half, and their new numbers: it takes no more than twice the memory that
-    /// it needs, and copies a block at most once for each that it drops.
+    /// Chunks of which a successor uses more than half, and their new numbers. So it takes no more than twice
+    /// the memory that it needs, and copies a block at most once for each that it drops.
     fn chunks_worth_keeping(&self, origins: &[BlockOrigin]) -> (Vec<Option<u32>>, Vec<Arc<Vec<i16>>>) {
         let mut used = vec![0; self.chunks.len()];
         for origin in origins {

@@ -3,7 +3,8 @@
 /// Shares of red, green and blue in Y (ITU-R BT.709-6, item 3.2).
 const LUMA: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
-/// Y (0 to 255), Cb and Cr (-127.5 to 127.5) of sRGB values of 0 to 255 a channel: ITU-R BT.709-6, items 3.2 and 3.3, full range.
+/// Y (0 to 255), Cb and Cr (-127.5 to 127.5) of sRGB values of 0 to 255 a channel. ITU-R BT.709-6, items 3.2
+/// and 3.3, full range.
 #[must_use]
 #[inline]
 pub fn ycbcr_from_rgb(rgb: [f32; 3]) -> [f64; 3] {

@@ -162,7 +162,7 @@ impl Draws {
         }
     }
 
-    /// Of any magnitude, mostly 0: the more so, the more there are.
+    /// Level of any magnitude, mostly 0: the more so, the more there are.
     fn level(&mut self, coefficients: u16) -> i32 {
         let magnitude = match self.below(60 + i32::from(coefficients) / 8) {
             0 => 1 << 20,

@@ -171,7 +171,7 @@ def _engine(args: argparse.Namespace) -> Engine:
 
         return RayEngine(args.address, threads=args.threads, retries=args.retries)
     except ImportError as error:
-        raise _Wrong(f"--engine ray: {error}; pip install 'isv[ray]'") from None
+        raise _Wrong(f"--engine ray: {error}; install the package isv with its extra 'ray'") from None
 
 
 def _finishing(parser: argparse.ArgumentParser) -> None:

@@ -37,7 +37,7 @@ const POINTS: u8 = 5;
 /// Most streams of the contact sheet.
 const SHEET_STREAMS: usize = 5;
 
-/// Where the scale of errors in pictures ends, in voxels.
+/// End of the scale of errors in pictures, in voxels.
 const ERROR_RANGE_VOXELS: f64 = 0.4;
 
 /// Study codecs side by side: rate, error, time and memory of each over its operating points

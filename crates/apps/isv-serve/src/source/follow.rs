@@ -146,7 +146,8 @@ fn container(file: &File) -> io::Result<Container> {
     }
 }
 
-/// Where the last frame begins that decoding can begin at: a keyframe, or the last frame of all, if that is resilient.
+/// Beginning of the last frame that decoding can begin at: a keyframe, or the last frame of all, if that is
+/// resilient.
 fn last_entry(file: &File) -> Option<u64> {
     let mut bytes = BufReader::new(file);
     let index = StreamIndex::load(&mut bytes).ok()?;

@@ -5,8 +5,8 @@ use crate::FrameRange;
 use crate::encode::CaptureError;
 use std::ops::Range;
 
-/// The frames of two captures that are compared with each other, of the reference and of the test; `frames` are those of the reference, or
-/// all. A test made of the range alone has just those frames.
+/// Frames of two captures that are compared with each other, of the reference and of the test. `frames` are
+/// those of the reference, or all. A test made of the range alone has just those frames.
 ///
 /// # Errors
 /// [`CaptureError::Unequal`] for different numbers of frames, and what a capture may fail by.

@@ -1,4 +1,4 @@
-//! Where decoded frames go.
+//! Files of decoded frames.
 
 use super::placement::Placed;
 use super::product::Product;

@@ -144,7 +144,7 @@ impl Job {
     }
 }
 
-/// Where frames come from.
+/// Source of frames.
 enum Source {
     /// A stream that is to be whole.
     Whole(Box<StreamFrames>),

@@ -17,16 +17,16 @@ use std::time::SystemTime;
 
 /// A frame ready to be written.
 pub(super) struct CodedFrame {
-    /// Its number in the capture.
+    /// Number of the frame in the capture.
     pub(super) number: usize,
     /// When it had been read.
     pub(super) read: SystemTime,
-    /// As the capture says, if it does.
+    /// Time stamp as the capture says, if it does.
     pub(super) timestamp_ns: Option<u64>,
     pub(super) frame: UnwrittenFrame,
     /// Colour of the frame, in streams with colour.
     pub(super) colour: Option<EncodedColour>,
-    /// Of [`IngestedFrame`].
+    /// Whether there is a surface, as in [`IngestedFrame`].
     pub(super) has_surface: bool,
     pub(super) blocks_band: usize,
     pub(super) ingest_ms: f64,

@@ -94,8 +94,8 @@ impl MetadataDraft {
     }
 }
 
-/// The axis of a stream that points up, if it is known: Y, as ingest turns captures; but volumes stay as they are, and so do streams
-/// that are coded anew.
+/// Axis of a stream that points up, if it is known: Y, as ingest turns captures. Volumes stay as they are,
+/// and so do streams that are coded anew.
 pub(super) fn stream_up(
     options: &EncodeOptions,
     is_turned: bool,

@@ -242,8 +242,8 @@ pub struct EncodeOptions {
     pub metadata: MetadataOptions,
     /// Most frames from a keyframe to the next.
     pub gop: NonZero<u32>,
-    /// Whether every `gop` frames begin a group of pictures that is coded by itself: the groups of a capture are then the same bytes,
-    /// however many of them are coded at once.
+    /// Whether every `gop` frames begin a group of pictures that is coded by itself. The groups of a capture
+    /// are then the same bytes, however many of them are coded at once.
     pub fixed_gop: bool,
     /// Frame of the capture at which the stream's time begins; the first frame that is coded.
     pub time_origin: Option<usize>,

@@ -27,8 +27,8 @@ pub struct Settled {
     pub frames_stand_alone: bool,
 }
 
-/// Decides what options leave open of a capture, as encoding it would. Meshes are looked at every so many frames: one with an open part
-/// among them makes sheets of all, as it would where encoding came to it.
+/// Decides what options leave open of a capture, as encoding it would. Meshes are looked at every so many
+/// frames. One with an open part among them makes sheets of all, as it would where encoding came to it.
 ///
 /// # Errors
 /// See [`EncodeError`].

@@ -36,7 +36,7 @@ pub struct ConcealingFrames {
 /// The next frame of which there is a packet, or the last one that should be there.
 struct AtHand {
     number: usize,
-    /// Of the packet, if there is one.
+    /// Time stamp of the packet, if there is one.
     timestamp_ns: Option<u64>,
     /// What was decoded of it, if anything, in how many milliseconds.
     decoded: Option<(Decoded, f64)>,
@@ -206,8 +206,9 @@ impl ConcealingFrames {
         Ok(())
     }
 
-    /// How many frames are missing before a packet; nothing if it comes twice or too late. Times say so if frames come at the stream's
-    /// rate. Those of a clock do not come so evenly: then it is the counts within a GOP, and what is missing before a keyframe is not known.
+    /// Number of frames missing before a packet; nothing if it comes twice or too late. Times say so if
+    /// frames come at the stream's rate. Those of a clock do not come so evenly. The counts within a GOP tell
+    /// then, and what is missing before a keyframe is not known.
     fn missing_before(&self, packet: &Packet) -> Option<usize> {
         let (rate, now_ns) = (self.header.frame_rate, packet.header.timestamp_ns);
         let link = self.chain.link(packet);

@@ -135,7 +135,7 @@ pub enum EditError {
     Create(#[from] io::Error),
 }
 
-/// Where to cut in place of a frame that is no keyframe.
+/// Frames to cut at in place of a frame that is no keyframe.
 fn keyframes_around(before: Option<usize>, after: Option<usize>) -> String {
     match (before, after) {
         (Some(before), Some(after)) => format!("cut from {before} or {after} on"),

@@ -30,9 +30,9 @@ pub struct Repaired {
     pub had_end: bool,
 }
 
-/// Copies what is sound of a damaged, cut or unfinished stream, byte for byte; frames that need a lost one go with it, and so do packets of
-/// unknown types. `header_from`: a
-/// stream of the same take whose header stands for the damaged one of this. `create` is called once there is a frame to write.
+/// Copies what is sound of a damaged, cut or unfinished stream, byte for byte. Frames that need a lost one go
+/// with it, and so do packets of unknown types. `header_from`: a stream of the same take whose header stands
+/// for the damaged one of this. `create` is called once there is a frame to write.
 ///
 /// # Errors
 /// [`EditError`]: a header that is damaged, a stream of which no frame can be decoded, and what reading and writing may fail by.

@@ -5,8 +5,8 @@ use isv_decode::{BlockCoding, BlockDetail};
 /// Three lists, an entry a block each, in Morton order.
 #[derive(Debug, Default)]
 pub(crate) struct Blocks {
-    /// x, y and z in blocks; then 0 for a block that stays as it is, 1 for one that is coded without the frame before, 2 for one that
-    /// is predicted from it.
+    /// x, y and z in blocks, and what the block is. That is 0 for one that stays as it is, 1 for one coded
+    /// without the frame before, 2 for one predicted from it.
     pub(crate) places: Vec<[i32; 4]>,
     /// Bits that it takes.
     pub(crate) bits: Vec<f32>,

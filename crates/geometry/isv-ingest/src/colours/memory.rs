@@ -30,9 +30,10 @@ const CHANGED_SHARE: usize = 64;
 
 /// Colours of all places of a scene that were seen so far, for takes in which each frame is all that was seen.
 ///
-/// A place is half a voxel wide and has a colour for each side of a surface. Readings are averaged by weight; a colour is given out anew only
-/// once it has changed visibly, or a little and rests on twice the weight. So colours of a still room stay the same from frame to frame, bit for bit, and
-/// cost nothing. Places that lie near no surface any more are forgotten.
+/// A place is half a voxel wide and has a colour for each side of a surface. Readings are averaged by weight.
+/// A colour is given out anew only once it has changed visibly, or a little and rests on twice the weight. So
+/// colours of a still room stay the same from frame to frame, bit for bit, and cost nothing. Places that lie
+/// near no surface any more are forgotten.
 #[derive(Clone, Debug)]
 pub struct ColourMemory {
     voxel_m: f64,

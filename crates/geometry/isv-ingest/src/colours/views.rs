@@ -47,9 +47,10 @@ pub struct SeenColour {
 
 /// The colours of points of a mesh that cameras see, in the order of the points.
 ///
-/// A camera sees a point if the mesh, drawn from it, is not nearer there, and no jump in depth is within a few pixels: a voxel and one pixel,
-/// more if the camera is not calibrated. If the camera has a depth image beside it, this must have a reading at the point, too. Views count
-/// by (cosine / distance)^4, so that the best one prevails. `voxel_m`: edge of a voxel of the mesh, which it may be wrong by.
+/// A camera sees a point if the mesh, drawn from it, is not nearer there, and no jump in depth is within a
+/// few pixels. These are a voxel and one pixel, or more if the camera is not calibrated. If the camera has a
+/// depth image beside it, this must have a reading at the point, too. Views count by (cosine / distance)^4,
+/// so that the best one prevails. `voxel_m`: edge of a voxel of the mesh, which it may be wrong by.
 #[must_use]
 pub fn seen_colours(
     mesh: &TriangleMesh,
@@ -120,7 +121,8 @@ pub fn view_colours(
     points.par_iter().zip(&seen).filter_map(sample).collect()
 }
 
-/// Samples of [`view_colours`] with weights of 0 to 1, for the codec to fit its own to: a good view counts little more than a fair one.
+/// Samples of [`view_colours`] with weights of 0 to 1, to which the codec fits its own. A good view counts
+/// little more than a fair one.
 #[must_use]
 pub fn level_weights(mut samples: Vec<ColourSample>) -> Vec<ColourSample> {
     samples.par_iter_mut().for_each(|sample| sample.weight = level(sample.weight));
@@ -132,7 +134,8 @@ pub(super) fn level(weight: f32) -> f32 {
     weight / (weight + HALF_WEIGHT)
 }
 
-/// The cosine between a view of a point and its normal; `None` where the point does not face the camera or lies outside of the image.
+/// Cosine between a view of a point and its normal. `None` if the point does not face the camera or lies
+/// outside of the image.
 fn cosine_in(view: &ColourView, point: &SurfacePoint) -> Option<f64> {
     let towards = view.pose().centre - point.position;
     let cosine = towards.dot(point.normal) / towards.length();

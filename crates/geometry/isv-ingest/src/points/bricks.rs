@@ -16,7 +16,7 @@ pub(crate) const FIRST: f32 = -3.5;
 pub(crate) struct Bricks<T> {
     pub(crate) coords: Vec<BlockCoord>,
     index: BlockIndex,
-    /// Where the things of each brick start, and where the last ones end.
+    /// Start of the things of each brick, and the end of the last ones.
     starts: Vec<usize>,
     pub(crate) items: Vec<T>,
 }
@@ -67,8 +67,8 @@ pub(crate) fn brick_centre(coord: BlockCoord) -> DVec3 {
     (IVec3::from_array(coord.to_array()).as_dvec3() + 0.5) * BRICK as f64
 }
 
-/// The neighbour of a voxel of a cube along axis `side / 2`, down if `side` is even: its index in its own cube, and the step
-/// to that cube if it is another one.
+/// Neighbour of a voxel of a cube along axis `side / 2`, down if `side` is even. Gives its index in its own
+/// cube, and the step to that cube if it is another one.
 pub(crate) fn step(edge: BlockEdge, voxel: usize, side: usize) -> (usize, Option<[i32; 3]>) {
     let (axis, up, n) = (side / 2, side % 2 == 1, edge.voxels());
     let stride = n.pow(axis as u32);

@@ -1,9 +1,10 @@
 //! The closest site of every voxel of a brick.
 //!
-//! A site `q` is closer than `r` to somewhere in a cube only if it is closer at one of the cube's corners. The difference of
-//! the squared distances is linear, so that corner is known: in a cube of half edge `h` around `c`, `q` matters only if
-//! `|c - q|^2 - |c - r|^2 < 2 h |q - r|_1`. With `r` the site closest to the centre this narrows the sites of a brick down to those
-//! of cubes of 4, then 2 voxels, where the few that are left are measured.
+//! A site `q` is closer than `r` to somewhere in a cube only if it is closer at one of the cube's corners.
+//! The difference of the squared distances is linear, so that corner is known. In a cube of half edge `h`
+//! around `c`, `q` matters only if `|c - q|^2 - |c - r|^2 < 2 h |q - r|_1`. With `r` the site closest to the
+//! centre, this narrows the sites of a brick down to those of cubes of 4, then 2 voxels. There the few that
+//! are left are measured.
 
 use crate::points::bricks::{BRICK, BRICK_VOXELS, Bricks, FIRST};
 use crate::points::sites::Site;

@@ -1,8 +1,9 @@
-//! Where the captured surface ends.
+//! Ends of the captured surface.
 //!
-//! The field goes on beyond the last surfels, so that the gaps between samples close. Where it finds no surfels on the other
-//! side, it has to be taken back: from the voxels where the field ends beside the surface, all voxels that can be
-//! reached through uncertain ones are unobserved. A gap that has certain surface all around it stays closed.
+//! The field goes on beyond the last surfels, so that the gaps between samples close. If it finds no surfels
+//! on the other side, it has to be taken back. All voxels are then unobserved that can be reached through
+//! uncertain ones from the voxels where the field ends beside the surface. A gap that has certain surface all
+//! around it stays closed.
 
 use crate::points::bricks::{BRICK_VOXELS, Bricks, step};
 use crate::points::near::{HEIGHT, NearBrick};
@@ -10,8 +11,8 @@ use crate::points::sites::EXPLAINED;
 use isv_volume::{BlockEdge, VoxelMask};
 use rayon::prelude::*;
 
-/// Voxels this close to the surface, in voxels, are looked at; the field reaches a voxel higher, so that a neighbour without
-/// a distance is beside the surface and not above it.
+/// Voxels this close to the surface, in voxels, are looked at. The field reaches a voxel higher, so that a
+/// neighbour without a distance is beside the surface and not above it.
 const LEVEL: f32 = HEIGHT - 1.05;
 
 /// A border has at least this many voxels; a hole of three voxels has more.

@@ -41,8 +41,8 @@ impl PointSpacing {
         Self { median_m: at(2), wide_m: at(3) }
     }
 
-    /// Smallest voxel size, in metres, at which most points have neighbours in the next voxel and three of four are close enough to
-    /// others to make a surface.
+    /// Smallest voxel size, in metres, at which most points have neighbours in the next voxel. Three of four
+    /// points must also be close enough to others to make a surface.
     #[must_use]
     pub fn voxel_m(&self) -> f64 {
         self.median_m.max(self.wide_m / WIDEST_SPACING)

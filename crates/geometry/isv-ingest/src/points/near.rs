@@ -1,17 +1,18 @@
 //! The signed distance close to the surfels.
 //!
-//! A voxel's distance is an implicit moving least squares blend (Kolluri 2005) of the heights over the surfels' planes. A
-//! weighted mean of plane heights is wrong by the curvature: it puts a sphere outside of the points that lie on it. Here
-//! the normal of each plane is the mean of the surfel's own normal `n` and the blended one `m`, by which the height is right
-//! on every sphere:
+//! A voxel's distance is an implicit moving least squares blend (Kolluri 2005) of the heights over the
+//! surfels' planes. A weighted mean of plane heights is wrong by the curvature: it puts a sphere outside of
+//! the points that lie on it. Here the normal of each plane is the mean of the surfel's own normal `n` and
+//! the blended one `m`. With it the height is right on every sphere:
 //!
 //! ```text
 //! s(x) = sum w (n + m).(x - p) / sum w (1 + n.m),   m = sum w n / |sum w n|
 //! ```
 //!
-//! All sums are moments that do not know `m` yet, so one pass over the surfels does it. The weight depends on how far a
-//! voxel is beside a surfel, hardly on how high it is above it. The other side of a thin part must not be blended in, so
-//! a pass before that finds the closest surfel of each voxel, and only those that face the same way count.
+//! All sums are moments that do not know `m` yet, so one pass over the surfels does it. The weight depends on
+//! how far a voxel is beside a surfel, hardly on how high it is above it. The other side of a thin part must
+//! not be blended in. So a pass before that finds the closest surfel of each voxel, and only those that face
+//! the same way count.
 
 use crate::points::bricks::{BRICK, BRICK_VOXELS, Bricks, FIRST};
 use crate::points::surfels::Surfel;
@@ -84,12 +85,12 @@ struct Moments {
 struct Workspace {
     /// Surfels in reach, relative to the brick's centre.
     surfels: Vec<Surfel>,
-    /// Those that face away from a closer one somewhere.
+    /// Surfels that face away from a closer one somewhere.
     opposing: Vec<Surfel>,
     /// Squared distance to the closest disc, and its normal.
     closest_sq: Values,
     closest_normals: [Values; 3],
-    /// Of the surfels that face the way of the closest, and of the others.
+    /// Moments of the surfels that face the way of the closest, and of the others.
     facing: Moments,
     other: Moments,
 }
@@ -288,9 +289,9 @@ struct Sheet {
 }
 
 impl Sheet {
-    /// Of two sheets that face different ways the one that makes the surface: the farther outside where the two bound a
-    /// convex edge or a thin part, the farther inside where they bound a valley or a gap. Where they cannot be told
-    /// apart, normals are wrong, and the one with more weight is right.
+    /// The sheet that makes the surface, of two that face different ways. It is the farther outside where the
+    /// two bound a convex edge or a thin part. It is the farther inside where they bound a valley or a gap.
+    /// Where they cannot be told apart, normals are wrong, and the one with more weight is right.
     #[inline(always)]
     fn join(self, other: Self) -> Self {
         let mut apart = 0.0;
@@ -328,7 +329,7 @@ struct Row {
     offset: [f32; 3],
 }
 
-/// Where the voxels of a row are, seen from a surfel.
+/// Place of the voxels of a row, seen from a surfel.
 struct Place {
     offset: [RowValues; 3],
     height: RowValues,

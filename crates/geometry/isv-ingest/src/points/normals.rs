@@ -10,8 +10,8 @@ use isv_volume::PointCloud;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// Neighbours that a plane is laid through at first, and at most: twice as many each time that they lie on a line, as the
-/// points of one sweep of a scanner do.
+/// Neighbours that a plane is laid through at first, and at most. Each time that they lie on a line, as the
+/// points of one sweep of a scanner do, there are twice as many.
 const FEWEST: usize = 12;
 const MOST: usize = 192;
 
@@ -31,12 +31,13 @@ pub fn estimate_normals(cloud: &PointCloud) -> Result<PointCloud, IngestError> {
 /// extend least. Where there is no plane, all neighbours lying on a line or in one place, the normal is zero: not known. With what the
 /// sides rest on.
 ///
-/// Normals point towards the cloud's viewpoint, or those of its scans, if it has any; where that is seen at a grazing angle, they point
-/// the way of their neighbours. Without, they point towards `guess`, in metres, if
-/// the points look as if they had been scanned from there: as far apart as a scanner's rays, and one behind the other along few of them.
-/// Else each connected part is given the signs that differ least between neighbours (a minimum spanning tree, Hoppe et al. 1992), the
-/// whole of it such that its outermost points look outward. Normals that the cloud has are not used. The result is the same for any
-/// number of threads.
+/// Normals point towards the cloud's viewpoint, or those of its scans, if it has any. Where that is seen at a
+/// grazing angle, they point the way of their neighbours. Without a viewpoint, they point towards `guess`, in
+/// metres, if the points look as if they had been scanned from there. Such points are as far apart as a
+/// scanner's rays, and one behind the other along few of them. Else each connected part is given the signs
+/// that differ least between neighbours (a minimum spanning tree, Hoppe et al. 1992). The whole of it is
+/// turned such that its outermost points look outward. Normals that the cloud has are not used. The result is
+/// the same for any number of threads.
 ///
 /// # Errors
 /// [`IngestError::Points`] if the cloud is not valid.
@@ -74,8 +75,8 @@ pub fn estimate_normals_seen_from(
     Ok((cloud, SideEvidence { basis, ..evidence }))
 }
 
-/// Whether points look as if a scanner had taken them all from one place: they are the farther apart the farther away, which points
-/// spread over a surface are not, and few lie behind others.
+/// Whether points look as if a scanner had taken them all from one place. They are the farther apart the
+/// farther away, which points spread over a surface are not. And few lie behind others.
 fn looks_scanned_from(place: DVec3, positions: &[DVec3], tree: &PointTree) -> bool {
     /// Points looked at.
     const SAMPLES: usize = 4096;

@@ -12,8 +12,8 @@ use std::fmt;
 /// Neighbours of each point, itself among them, that its normal is compared with.
 pub(crate) const NEIGHBOURS: usize = 9;
 
-/// Least cosine between a normal and the direction of the scanner at which that alone decides: estimated normals are rarely off by
-/// more than the 14 degrees that remain.
+/// Least cosine between a normal and the direction of the scanner at which that alone decides. Estimated
+/// normals are rarely off by more than the 14 degrees that remain.
 const HEAD_ON: f64 = 0.25;
 
 /// Neighbours whose normals have at least this cosine are on one smooth surface.
@@ -172,8 +172,8 @@ impl Sides {
         }
     }
 
-    /// Smooth patches of other points face their scanner, and the way of neighbours that do, by the sum of all their points: one
-    /// point that is seen at a grazing angle says little.
+    /// Turns smooth patches of other points towards their scanner, and the way of neighbours that face it.
+    /// The sum of all points of a patch decides: one point that is seen at a grazing angle says little.
     fn settle_smooth_patches(&mut self, edges: &[Edge], normals: &[DVec3], facing: &[f64]) {
         if facing.iter().all(|facing| *facing == 0.0) {
             return;
@@ -250,8 +250,9 @@ impl Sides {
         patches
     }
 
-    /// Turns parts without a known side outward. Gives the number of points of each patch for which that is a guess: of parts that
-    /// are far from closed, and of all patches of a part but the largest, which only creases join to it.
+    /// Turns parts without a known side outward. Gives the number of points of each patch for which that is a
+    /// guess. It is one in parts that are far from closed. It is one in all patches of a part but the
+    /// largest, which only creases join to it.
     fn face_outward(&mut self, positions: &[DVec3], normals: &[DVec3], patches: &Parts) -> Vec<usize> {
         let mut patches = patches.clone();
         let open: Vec<u32> = (0..positions.len() as u32)

@@ -34,7 +34,7 @@ pub(crate) struct Source {
     pub(crate) sign: Sign,
 }
 
-/// Where the sign of a sample comes from.
+/// Source of the sign of a sample.
 pub(crate) enum Sign {
     /// The side of the closest point's plane.
     Oriented(NearField),
@@ -122,7 +122,7 @@ fn sign(source: &Source, field: &NearField, work: &ClosestSites, out: &mut Brick
     }
 }
 
-/// Where a voxel is, seen from its closest site.
+/// Place of a voxel, seen from its closest site.
 struct Side {
     /// Height over the site's plane, with the sign of the voxel's side.
     height: f32,

@@ -1,9 +1,10 @@
 //! Signs that neighbours agree on.
 //!
-//! Beside sharp creases the closest point can tell the wrong side. Two neighbouring voxels whose distances add up to more
-//! than a surface between them could explain are on one side of it. Where their signs differ all the same, the regions that
-//! hang together with either in this way are followed side by side, and the smaller one, which ends first, was wrong. Where
-//! neither ends, there is surface with two sides and an end that nobody saw: both voxels are unobserved.
+//! Beside sharp creases the closest point can tell the wrong side. Two neighbouring voxels whose distances
+//! add up to more than a surface between them could explain are on one side of it. If their signs differ all
+//! the same, the regions that hang together with either in this way are followed side by side. The smaller
+//! one, which ends first, was wrong. Where neither ends, there is surface with two sides and an end that
+//! nobody saw: both voxels are unobserved.
 
 use crate::caps::Blocks;
 use crate::points::bricks::step;

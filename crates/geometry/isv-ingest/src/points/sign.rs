@@ -19,8 +19,8 @@ pub(crate) const SPACING_NEIGHBOURS: usize = 12;
 /// Share of the points that must have a normal.
 const WITH_NORMAL: f64 = 0.9;
 
-/// Share of neighbours whose normals must point to the same side; captures lie above 0.98, with one normal in ten reversed
-/// it is 0.82, with random signs 0.5.
+/// Share of neighbours whose normals must point to the same side. Captures lie above 0.98; with one normal in
+/// ten reversed it is 0.82, with random signs 0.5.
 const AGREEMENT: f64 = 0.9;
 
 /// How the sign of the distance to points is found.
@@ -72,8 +72,9 @@ impl fmt::Display for PointEvidence {
     }
 }
 
-/// Decides how to find the sign: as asked, or with [`SignMode::Auto`] by whether nearly all points have a normal and
-/// neighbouring normals agree, as [`SignMode::Paper`] does. [`SignMode::Closed`] asks for [`PointSign::Oriented`]. [`SignMode::Sheet`] is of meshes alone, and counts
+/// Decides how to find the sign: as asked, or with [`SignMode::Auto`] by what the normals are, as
+/// [`SignMode::Paper`] does. Nearly all points must have a normal, and neighbouring normals must agree.
+/// [`SignMode::Closed`] asks for [`PointSign::Oriented`]. [`SignMode::Sheet`] is of meshes alone, and counts
 /// as [`SignMode::Offset`].
 ///
 /// The cloud need not be valid; points that are not finite have no say.
@@ -126,8 +127,8 @@ fn gather_evidence(cloud: &PointCloud) -> PointEvidence {
     }
 }
 
-/// The edge of the square that a point has for itself, from its neighbours, the first of which is itself: that many points
-/// lie on the disc up to the last one.
+/// Edge of the square that a point has for itself, from its neighbours, the first of which is itself. That
+/// many points lie on the disc up to the last one.
 pub(crate) fn spacing(found: &[isv_spatial::Neighbour]) -> f64 {
     let others = found.len().saturating_sub(1).max(1);
     found.last().map_or(0.0, |last| (std::f64::consts::PI * last.distance_sq / others as f64).sqrt())

@@ -35,7 +35,7 @@ pub(crate) fn crossings(field: &NearField) -> Bricks<Site> {
     Bricks::new(lists)
 }
 
-/// Where the surface crosses the line from a voxel to its upper neighbour along axis `side / 2`.
+/// Point at which the surface crosses the line from a voxel to its upper neighbour along axis `side / 2`.
 fn crossing(field: &NearField, at: VoxelAt, side: usize) -> Option<Site> {
     let s = field.distance(at);
     if s.abs() > EXPLAINED {

@@ -34,7 +34,7 @@ pub(crate) struct Surfel {
     pub(crate) certain: f32,
 }
 
-/// Where a point lies: its brick, its cell there in Morton order, and its place in the cloud.
+/// Place of a point: its brick, its cell there in Morton order, and its place in the cloud.
 type Key = (MortonCode, u16, u32);
 
 /// A point while points are put together.

@@ -106,8 +106,8 @@ impl Distortion {
         most
     }
 
-    /// The depths that a pinhole with the same focal lengths and principal point sees, in an image of the same size; 0 where the
-    /// image had no reading or does not reach.
+    /// Depths that a pinhole with the same focal lengths and principal point sees, in an image of the same
+    /// size. A depth is 0 where the image had no reading or does not reach.
     ///
     /// Depth is along z, so it stays what it is and only moves. Within a surface its inverse is interpolated, which is exact for planes;
     /// at edges the nearest reading is taken, as there is no surface between.
@@ -424,8 +424,9 @@ mod tests {
         }
     }
 
-    /// Pixels of a camera of 160 x 120 pixels and what `cv2.initUndistortRectifyMap(K, numpy.array([0.5, -2.6, 0.001, 0.0003]), None, K,
-    /// (160, 120), cv2.CV_32FC1)` has for them, with K of fx 150, fy 140, cx 79.5 and cy 59.5.
+    /// Pixels of a camera of 160 x 120 pixels, with K of fx 150, fy 140, cx 79.5 and cy 59.5. They are
+    /// compared with `cv2.initUndistortRectifyMap(K, numpy.array([0.5, -2.6, 0.001, 0.0003]), None, K, (160,
+    /// 120), cv2.CV_32FC1)`.
     #[test]
     fn pixels_come_from_where_opencv_takes_them() {
         let lens = Intrinsics {

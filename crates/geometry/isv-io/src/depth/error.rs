@@ -120,7 +120,7 @@ pub enum DepthFileError {
         path: PathBuf,
         /// What the number is called.
         name: &'static str,
-        /// Its value.
+        /// Value of the setting.
         value: f64,
     },
     /// No images where they should be.
@@ -198,7 +198,7 @@ pub enum DepthFileError {
         path: PathBuf,
         /// Frame, counted from 0.
         frame: usize,
-        /// Its columns and rows.
+        /// Columns and rows of the image.
         found: [u64; 2],
         /// The camera's.
         expected: [u32; 2],

@@ -17,11 +17,12 @@ use std::io::{Read, Seek};
 /// Most channels that an image may have: a block of it holds a few hundred rows of each.
 const MOST_CHANNELS: usize = 64;
 
-/// Most pixels of a tile that is larger than its image: memory is taken for as much of it as the file says that there is.
+/// Most pixels of a tile that is larger than its image. Memory is taken for as much of it as the file says
+/// that there is.
 const MOST_TILE_PIXELS: usize = 1 << 20;
 
-/// Depths from here on are no reading, in metres: the largest number of a half, which renderers write for the background, as they write
-/// 1e10 where there is room.
+/// Depths from here on are no reading, in metres. It is the largest number of a half, which renderers write
+/// for the background, as they write 1e10 where there is room.
 const FARTHEST_M: f32 = 65_504.0;
 
 /// The depth channel, in metres.

@@ -43,15 +43,15 @@ impl Units {
 /// Largest values that cameras and tools write for "no reading": of 11 to 15 bits, and round numbers.
 const SENTINELS: [u16; 9] = [2047, 4095, 8191, 10_000, 16_383, 32_767, 60_000, 65_000, 65_534];
 
-/// Share of an image from which on its largest value is said to be suspect, if it is one of [`SENTINELS`]: a wall would be no whole
-/// image at one distance, and at just this one.
+/// Share of an image from which on its largest value is said to be suspect, if it is one of [`SENTINELS`]. A
+/// wall would be no whole image at one distance, and at just this one.
 const SUSPECT_SHARE: f64 = 0.05;
 
 /// Share from which on [`SATURATED`] is suspect, where the capture lists other values that are no reading.
 const SATURATED_SHARE: f64 = 0.01;
 
-/// A value that may stand for "no reading" without the capture saying so, and the share of an image's pixels that hold it; nothing for
-/// other images than PNG and for those that cannot be read.
+/// Value that may stand for "no reading" without the capture saying so, and the share of an image's pixels
+/// that hold it. `None` for other images than PNG, and for those that cannot be read.
 pub(crate) fn suspect(file: &ImageFile, units: &Units) -> Option<(u16, f64)> {
     if ImageKind::from_path(file.path) != Some(ImageKind::Png) {
         return None;

@@ -122,8 +122,9 @@ pub(crate) fn no_cameras(file: &Path) -> DepthFileError {
     }
 }
 
-/// Looks whether images of a frame were taken together, where their names say so: where numbers at the ends of names count images, each
-/// camera's from a number of its own. Numbers of which none is one more than the last, such as times, say nothing.
+/// Looks whether images of a frame were taken together, where their names say so. Numbers at the ends of
+/// names must count images, each camera's from a number of its own. Numbers of which none is one more than
+/// the last, such as times, say nothing.
 fn check_pairs(file: &Path, cameras: &[Camera]) -> Result<(), DepthFileError> {
     let numbers =
         |camera: &Camera| camera.paths.iter().map(|path| number_of(path)).collect::<Option<Vec<_>>>();

@@ -101,7 +101,8 @@ pub(crate) fn open(folder: &Path, file: &Path, colours: Colours) -> Result<Depth
     })
 }
 
-/// A time as a list has it, in billionths of its unit: exact, where a number of seconds since 1970 has no room for nanoseconds in `f64`.
+/// Time as a list has it, in billionths of its unit. It is exact, where a number of seconds since 1970 has no
+/// room for nanoseconds in `f64`.
 type Time = i128;
 
 /// A time stamp, exactly as it is written.
@@ -229,8 +230,8 @@ impl Trajectory {
         Ok(Self { poses, lost })
     }
 
-    /// The pose at a time, on the way from the pose before to the pose after, if the nearer of them is near enough; an error if a line
-    /// without a pose is nearer.
+    /// Pose at a time, on the way from the pose before to the pose after, if the nearer of them is near
+    /// enough. An error if a line without a pose is nearer.
     fn at(&self, time_ns: i128) -> Option<Result<CameraPose, BadPose>> {
         let limit_ns = (TUM_TIME_LIMIT_S * 1e9) as i128;
         let after = self.poses.partition_point(|(t, ..)| *t < time_ns);
@@ -254,8 +255,8 @@ impl Trajectory {
     }
 }
 
-/// Times of all lines: those that cannot be read lie evenly between their neighbours, or as far before the first and after the last as times
-/// mostly lie apart.
+/// Times of all lines. Those that cannot be read lie evenly between their neighbours. Before the first and
+/// after the last they are as far apart as times mostly are.
 fn filled_in(times: &[Option<i128>]) -> Vec<i128> {
     let known: Vec<(usize, i128)> =
         times.iter().enumerate().filter_map(|(line, time)| Some((line, (*time)?))).collect();

@@ -123,7 +123,7 @@ impl<'a> Accessors<'a> {
         self.read(index, wanted, named_by)
     }
 
-    /// The same for unsigned integers.
+    /// Elements of an accessor of unsigned integers.
     pub(super) fn integers<const N: usize>(
         &self,
         index: usize,
@@ -209,8 +209,8 @@ impl<'a> Accessors<'a> {
         Ok(component.map_or(1.0, Component::largest))
     }
 
-    /// The type of an accessor's elements, in the specification's words, and what makes its numbers 0 to 1, should they be
-    /// integers that are not normalised.
+    /// Type of an accessor's elements, in the specification's words. The second value makes its numbers 0 to
+    /// 1, should they be integers that are not normalised.
     pub(super) fn shape_and_largest(&self, index: usize, named_by: ObjectName) -> Result<(&str, f32), Flaw> {
         let accessor = object(&self.document.accessors, "accessor", index, named_by)?;
         let component = Component::of_code(accessor.component_type).filter(|_| !accessor.normalized);

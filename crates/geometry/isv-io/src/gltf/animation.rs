@@ -86,7 +86,8 @@ impl Animation {
         Self::parse_in(Some(folder), path, &bytes, options)
     }
 
-    /// As [`Self::open`], from bytes; `path` names the file in errors. Buffers in other files are refused: nothing is read from the disk.
+    /// Opens an animation as [`Self::open`] does, from bytes; `path` names the file in errors. Buffers in
+    /// other files are refused: nothing is read from the disk.
     ///
     /// # Errors
     /// As [`Self::open`], without [`ReadError::Io`].
@@ -151,9 +152,9 @@ impl Animation {
         self.channels().iter().fold(0.0, |end, channel| channel.curve.end_s().max(end))
     }
 
-    /// How many frames there are at `fps` frames a second, the first at time 0, frame `i` at `i / fps`: those that start
-    /// before the end; one if nothing moves. The pose of the very end is not among them if it falls on a frame: where an animation
-    /// is made to repeat it is the first again.
+    /// Number of frames at `fps` frames a second: those that start before the end, or one if nothing moves.
+    /// The first is at time 0, frame `i` at `i / fps`. The pose of the very end is not among them, even if it
+    /// falls on a frame. Where an animation is made to repeat it is the first again.
     ///
     /// # Panics
     /// If `fps` is not a positive number.
@@ -165,8 +166,8 @@ impl Animation {
         ((self.duration_s() * fps * (1.0 - ROUNDING)).ceil() as u64).max(1)
     }
 
-    /// Triangles at an instant, in metres, or points if the file has nothing else; before the first and after the last keyframe those
-    /// of the keyframe. Empty while nothing is to be seen.
+    /// Triangles at an instant, in metres, or points if the file has nothing else. Before the first and after
+    /// the last keyframe they are those of the keyframe. Empty while nothing is to be seen.
     ///
     /// # Errors
     /// [`ReadError::Mesh`] or [`ReadError::Points`] if a vertex is nowhere, [`ReadError::OutOfRange`].

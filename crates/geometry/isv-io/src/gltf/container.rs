@@ -16,7 +16,7 @@ pub(super) const CHUNK_HEADER_BYTES: usize = 8;
 /// The parts of a glTF file.
 pub(super) struct Container<'a> {
     pub(super) json: &'a [u8],
-    /// Where the JSON starts in the file.
+    /// Start of the JSON in the file.
     pub(super) json_offset: usize,
     /// The bytes of the buffer without an address.
     pub(super) binary: Option<&'a [u8]>,
@@ -60,7 +60,7 @@ struct Chunk<'a> {
 
 struct Chunks<'a> {
     rest: &'a [u8],
-    /// Where `rest` starts in the file.
+    /// Start of `rest` in the file.
     at: usize,
 }
 

@@ -11,14 +11,14 @@ use glam::{DAffine3, DVec3, Vec3};
 /// The joints that a skinned shape hangs on.
 #[derive(Debug)]
 pub(super) struct Skin {
-    /// Its joints, as nodes.
+    /// Joints of the skin, as nodes.
     pub(super) joints: Vec<usize>,
     /// From the space of the shape to that of each joint at rest.
     inverse_bind: Vec<DAffine3>,
 }
 
 impl Part {
-    /// Where the morph targets put a vertex.
+    /// Place of a vertex by the morph targets.
     pub(super) fn morphed(&self, vertex: usize, weights: &[f64]) -> DVec3 {
         let displacements =
             self.targets.iter().zip(weights).filter(|(target, weight)| **weight != 0.0 && !target.is_empty());
@@ -27,8 +27,8 @@ impl Part {
             .fold(position, |p, (target, weight)| p + *weight * Vec3::from(target[vertex]).as_dvec3())
     }
 
-    /// Where the joints put a vertex: the mean of where each would, by their weights. One without weights follows the
-    /// first of its joints.
+    /// Place of a vertex by the joints: the mean of where each would put it, by their weights. One without
+    /// weights follows the first of its joints.
     pub(super) fn skinned(&self, vertex: usize, position: DVec3, joints: &[DAffine3]) -> DVec3 {
         let (mut sum, mut total) = (DVec3::ZERO, 0.0);
         for set in &self.influences {

@@ -62,7 +62,7 @@ pub enum GltfFault {
     NoSuch {
         /// What kind of object.
         kind: &'static str,
-        /// Its index, from 0.
+        /// Index, from 0.
         index: usize,
         /// How many there are.
         count: usize,
@@ -78,7 +78,7 @@ pub enum GltfFault {
     /// A range of bytes that leaves what it is a part of.
     #[error("reaches to byte {end} of {bytes}")]
     PastEnd {
-        /// Where it ends.
+        /// End of the range.
         end: u64,
         /// How many bytes there are.
         bytes: u64,
@@ -157,7 +157,7 @@ pub enum GltfFault {
     /// An animation was asked for that is not there.
     #[error("animation {index} asked for, but there are {count}")]
     NoSuchAnimation {
-        /// Its index, from 0.
+        /// Index, from 0.
         index: usize,
         /// How many there are.
         count: usize,

@@ -8,8 +8,8 @@ use super::schema::{Interpolation, Sampler};
 use crate::error::Flaw;
 use glam::{DQuat, DVec3};
 
-/// How much earlier than its time a step may come, in seconds: times are stored as `f32`, and the instant of a frame may
-/// be rounded to just below the step that is meant to come with it.
+/// Most time by which a step may come early, in seconds. Times are stored as `f32`. The instant of a frame
+/// may be rounded to just below the step that is meant to come with it.
 const STEP_SLACK_S: f64 = 1e-5;
 
 /// What a channel moves.
@@ -32,7 +32,7 @@ pub(super) struct Curve {
     interpolation: Interpolation,
 }
 
-/// Where an instant lies.
+/// Place of an instant among the keyframes.
 #[derive(Clone, Copy)]
 enum Place {
     /// At a key, or before the first or after the last.
@@ -95,12 +95,12 @@ impl Curve {
         (0..self.width).map(component).collect()
     }
 
-    /// The same of a curve of three numbers.
+    /// Value of a curve of three numbers.
     pub(super) fn vector(&self, seconds: f64) -> DVec3 {
         DVec3::from_slice(&self.value(seconds))
     }
 
-    /// The same of a curve of rotations, which turn evenly along the shorter way.
+    /// Value of a curve of rotations, which turn evenly along the shorter way.
     pub(super) fn rotation(&self, seconds: f64) -> DQuat {
         let key_rotation = |key| unit_quaternion([0, 1, 2, 3].map(|i| self.number(key, Part::Value, i)));
         match self.place(seconds) {

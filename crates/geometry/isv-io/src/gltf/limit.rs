@@ -12,9 +12,9 @@ const LEAST_DECOMPRESSED: u64 = 1 << 24;
 /// Decompressed bytes for each byte of a file. Draco makes a byte of 20 to 40 at the settings in use.
 const MOST_RATIO: u64 = 64;
 
-/// Counts numbers before memory is taken for them. A file of `n` bytes may ask for 4 `n`, and for [`LEAST_LIMIT`] if that is
-/// more: its own bytes hold at most `n`, but objects may share them, and an accessor may be zeros without any bytes. Never
-/// more than 2^32, so that vertices can be counted in 32 bits.
+/// Counts numbers before memory is taken for them. A file of `n` bytes may ask for 4 `n`, and for
+/// [`LEAST_LIMIT`] if that is more. Its own bytes hold at most `n`, but objects may share them, and an
+/// accessor may be zeros without any bytes. Never more than 2^32, so that vertices can be counted in 32 bits.
 ///
 /// Compressed data may become [`MOST_RATIO`] times the bytes of the file, or [`LEAST_DECOMPRESSED`]; each of these bytes allows
 /// two more numbers.

@@ -129,8 +129,8 @@ impl Scene {
         Ok(())
     }
 
-    /// Checks, before any memory is taken for it, that the memory and the work which an instance and its pose take are within
-    /// the limit, and that it has all its joints.
+    /// Checks an instance before any memory is taken for it. The memory and the work which it and its pose
+    /// take must be within the limit, and it must have all its joints.
     fn check_instance(
         &self,
         node: usize,
@@ -303,8 +303,8 @@ struct Placing {
 }
 
 impl Placing {
-    /// Looks at each transform, which an instance does once: a mesh may have many parts and a skin many joints, and the
-    /// limit counts their sum, not their product.
+    /// Looks at each transform, which an instance does once. A mesh may have many parts and a skin many
+    /// joints, and the limit counts their sum, not their product.
     fn by(transforms: Vec<DAffine3>) -> Self {
         #[cfg(test)]
         tests::LOOKED_AT.with(|looked_at| looked_at.set(looked_at.get() + transforms.len()));

@@ -422,7 +422,7 @@ fn json_flaw(json: &[u8], offset: usize, error: &serde_json::Error) -> Flaw {
     Flaw::at_byte(offset + at, GltfFault::Json { text: quote_long(text) }.into())
 }
 
-/// As [`quote`], with room for a sentence of the parser's.
+/// Quotes as [`quote`] does, with room for a sentence of the parser's.
 fn quote_long(text: &str) -> String {
     text.chars().take(120).flat_map(char::escape_debug).collect()
 }

@@ -18,19 +18,21 @@ const JSON_BYTES_OF_FRAME: u64 = 3072;
 /// Most bytes of JSON that each primitive of a frame takes, with its material.
 const JSON_BYTES_OF_PIECE: u64 = 3072;
 
-/// The scales between which nodes step: rows of x, y, z. A frame that starts the sequence is seen and then hidden, one in
-/// the middle hidden, seen and hidden, the last one hidden, seen and still seen at the end. All are runs of this table.
+/// Scales between which nodes step: rows of x, y, z. A frame that starts the sequence is seen and then
+/// hidden. One in the middle is hidden, seen and hidden. The last one is hidden, seen and still seen at the
+/// end. All are runs of this table.
 const SCALES: [f32; 5] = [0.0, 1.0, 0.0, 1.0, 1.0];
 
 /// Writes meshes, whose triangles may differ from frame to frame, as one GLB file that plays them.
 ///
-/// Each frame is a node with a mesh of its own; an animation of steps scales it to 1 while it is seen and to 0 otherwise.
-/// Viewers need no extension for that (docs/design/014-animated-glb.md), those that play no animations show the first frame,
-/// and [`Animation`](crate::Animation) reads the frames back. Vertex colours, materials and textures may differ from frame to frame; an
-/// image that frames share is written once.
+/// Each frame is a node with a mesh of its own. An animation of steps scales it to 1 while it is seen and to
+/// 0 otherwise. Viewers need no extension for that (docs/design/014-animated-glb.md). Those that play no
+/// animations show the first frame, and [`Animation`](crate::Animation) reads the frames back. Vertex
+/// colours, materials and textures may differ from frame to frame; an image that frames share is written
+/// once.
 ///
-/// Memory is bounded by the largest frame, and about 1 KB for each frame: bytes go to a nameless file beside the output, and
-/// behind the JSON when its length is known. The file appears whole or not at all.
+/// Memory is bounded by the largest frame, and about 1 KB for each frame. Bytes go to a nameless file beside
+/// the output, and behind the JSON when its length is known. The file appears whole or not at all.
 #[derive(Debug)]
 pub struct GlbAnimationWriter {
     path: PathBuf,
@@ -46,7 +48,7 @@ pub struct GlbAnimationWriter {
 struct Frame {
     /// When it is shown, in seconds.
     start: f32,
-    /// Its mesh; none for a frame without triangles.
+    /// Mesh of the frame; none for a frame without triangles.
     mesh: Option<ShownMesh>,
 }
 
@@ -84,8 +86,9 @@ impl GlbAnimationWriter {
     /// mesh without triangles is a frame in which nothing is seen.
     ///
     /// # Errors
-    /// [`WriteError`] if the disk is full, the time is negative or not finite, a coordinate is not finite, or the file would pass the
-    /// 4 GiB that GLB can hold. But for the first case the frames so far are whole and can be [finished](Self::finish).
+    /// [`WriteError`] if the disk is full, the time is negative or not finite, a coordinate is not finite, or
+    /// the file would pass 4 GiB. GLB can hold no more. But for the first case the frames so far are whole
+    /// and can be [finished](Self::finish).
     pub fn push(&mut self, start_s: f64, mesh: &TriangleMesh) -> Result<(), WriteError> {
         let start = self.time(start_s)?;
         let pieces = JSON_BYTES_OF_PIECE * Document::<BufWriter<File>>::most_pieces(mesh);
@@ -130,8 +133,8 @@ impl GlbAnimationWriter {
     }
 }
 
-/// A file that no name leads to, so that nothing is left of it however this ends. It lies on the disk of the output, as the
-/// folder for temporary files may be small; unless the output is a pipe or a device.
+/// File that no name leads to, so that nothing is left of it however this ends. It lies on the disk of the
+/// output, as the folder for temporary files may be small. For a pipe or a device it lies in that folder.
 fn spool_for(path: &Path) -> io::Result<File> {
     if fs::metadata(path).is_ok_and(|output| !output.is_file()) {
         return tempfile::tempfile();
@@ -140,8 +143,8 @@ fn spool_for(path: &Path) -> io::Result<File> {
     tempfile::tempfile_in(folder.unwrap_or(Path::new(".")))
 }
 
-/// Adds a node, a channel and a sampler for each frame. The keys of a frame are its own time and those of its neighbours, so
-/// that all of them are runs of one list of times.
+/// Adds a node, a channel and a sampler for each frame. The keys of a frame are its own time and those of its
+/// neighbours. So all of them are runs of one list of times.
 fn push_animation(
     document: &mut Document<BufWriter<File>>,
     frames: &[Frame],
@@ -224,7 +227,8 @@ mod tests {
         assert_eq!(Animation::open(&path, Unit::Metre).unwrap().frame_count(10.0), 1);
     }
 
-    /// All that an index of the JSON leads to is there, in an animation of frames of which none has a surface, some have and all have.
+    /// All that an index of the JSON leads to is there. The animations have frames of which none has a
+    /// surface, some have and all have.
     #[test]
     fn what_is_named_is_there_whatever_frames_are_empty() {
         let folder = tempfile::tempdir().unwrap();

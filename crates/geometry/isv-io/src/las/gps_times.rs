@@ -1,7 +1,7 @@
 //! The second version of LASzip's code for times, which is read only to get to what comes after it.
 //!
-//! `laz` has it as well, but calls itself for each switch from one sequence of times to another, of which a damaged file has a hundred
-//! thousand in a row: more than any stack holds, and that cannot be caught.
+//! `laz` has it as well, but calls itself for each switch from one sequence of times to another. A damaged
+//! file has a hundred thousand switches in a row. That is more than any stack holds, and cannot be caught.
 
 use laz::decoders::ArithmeticDecoder;
 use laz::decompressors::{IntegerDecompressor, IntegerDecompressorBuilder};
@@ -15,8 +15,8 @@ const SEQUENCES: usize = 4;
 /// Most switches for a point. A writer switches once, to the sequence that the time belongs to.
 const MOST_SWITCHES: usize = SEQUENCES;
 
-/// How a time follows in a sequence whose times change: symbols below this one are that multiple of the last difference, those up to
-/// `LEAST_MULTIPLE` negative multiples.
+/// Symbols of a time in a sequence whose times change. Those below this one are that multiple of the last
+/// difference, those up to `LEAST_MULTIPLE` negative multiples.
 const MOST_MULTIPLE: i32 = 500;
 const LEAST_MULTIPLE: i32 = MOST_MULTIPLE + 10;
 /// The time is that of the point before.
@@ -25,7 +25,7 @@ const UNCHANGED: i32 = LEAST_MULTIPLE + 1;
 const STARTS: i32 = UNCHANGED + 1;
 const SYMBOLS: u32 = STARTS as u32 + SEQUENCES as u32;
 
-/// The same in a sequence whose last times were equal.
+/// Symbols of a time in a sequence whose last times were equal.
 const STILL_DIFFERS: i32 = 1;
 const STILL_STARTS: i32 = 2;
 const STILL_SYMBOLS: u32 = STILL_STARTS as u32 + SEQUENCES as u32;
@@ -101,7 +101,7 @@ impl GpsTimes {
         Ok(None)
     }
 
-    /// The same of a sequence whose times change.
+    /// Follows a sequence whose times change.
     fn follow<R: Read>(&mut self, decoder: &mut ArithmeticDecoder<R>) -> io::Result<Option<usize>> {
         let last = self.sequences[self.current].difference;
         let symbol = decoder.decode_symbol(&mut self.follow)? as i32;

@@ -24,15 +24,15 @@ pub(super) struct Header {
     pub(super) compressed: bool,
     /// Bytes of a record: those of its format, and extra ones.
     pub(super) record_bytes: usize,
-    /// As claimed; nothing is allocated by it.
+    /// Number of points as claimed; nothing is allocated by it.
     pub(super) points: u64,
     /// Metres, or whatever the file is in, that one step of the record's integers stands for.
     pub(super) scale: DVec3,
     /// What is added after scaling.
     pub(super) offset: DVec3,
-    /// Where the records start; inside the file.
+    /// Start of the records, inside the file.
     pub(super) points_offset: usize,
-    /// Where the data of LASzip's variable length record lies.
+    /// Place of the data of LASzip's variable length record.
     pub(super) laszip: Option<Range<usize>>,
 }
 

@@ -1,9 +1,9 @@
 //! LASzip, Martin Isenburg's compression of LAS records, by the crate `laz`.
 //!
-//! `laz` trusts what it reads: it reserves the chunk table by its count, which may say 64 GiB, fills layers by their
-//! length, up to 4 GiB each, indexes tables by what the record says, and fills the stack if times say so. So the record, that count
-//! and the layers are checked here first, times are read here, and what is left to go wrong inside, an index past a table that the arithmetic decoder leads
-//! to, is caught.
+//! `laz` trusts what it reads. It reserves the chunk table by its count, which may say 64 GiB, and fills
+//! layers by their length, up to 4 GiB each. It indexes tables by what the record says, and fills the stack
+//! if times say so. So the record and that count are checked here first, and times are read here. What is
+//! left to go wrong inside, an index past a table that the arithmetic decoder leads to, is caught.
 
 use super::gps_times::GpsTimes;
 use super::header::{Header, RECORD_BYTES, take, u16_at};
@@ -169,8 +169,8 @@ impl Iterator for ChunkSizes {
     }
 }
 
-/// Makes sure that the chunk table, where there is one, has no more chunks than the file has room for: every chunk
-/// starts with a whole record.
+/// Makes sure that the chunk table, where there is one, has no more chunks than the file has room for. Every
+/// chunk starts with a whole record.
 fn check_chunk_count(bytes: &[u8], header: &Header) -> Option<()> {
     let is_place = |at: i64| at > header.points_offset as i64;
     let start = bytes.get(header.points_offset..)?.first_chunk().map(|at| i64::from_le_bytes(*at))?;

@@ -27,7 +27,8 @@ pub(crate) fn parse(bytes: &[u8], keeps_colours: bool) -> Result<PointCloud, Fla
     Ok(points.cloud.finish(header.viewpoint))
 }
 
-/// Fields that a point is read from: x, y, z, the normal, and a colour packed into the first of three fields or spread over them.
+/// Fields that a point is read from: x, y, z, the normal and a colour. The colour is packed into the first of
+/// three fields or spread over them.
 const COLUMNS: usize = 9;
 const COLOUR: usize = 6;
 

@@ -48,14 +48,14 @@ impl Field {
 #[derive(Debug)]
 pub(super) struct Header {
     pub(super) fields: Vec<Field>,
-    /// As claimed; nothing is allocated by it.
+    /// Number of points as claimed; nothing is allocated by it.
     pub(super) points: u64,
     /// Whether the points are the pixels of an image: more than one row of them.
     pub(super) organised: bool,
     /// The sensor's position, if the file tells it.
     pub(super) viewpoint: Option<DVec3>,
     pub(super) encoding: Encoding,
-    /// Where the body starts, in bytes from the start of the file.
+    /// Start of the body, in bytes from the start of the file.
     pub(super) body_offset: usize,
     /// Lines of the header.
     pub(super) lines: usize,
@@ -197,8 +197,8 @@ impl Entries {
     }
 }
 
-/// Where the points were seen from, by a translation and a quaternion. The ones that change nothing are what programs write that do
-/// not know.
+/// Place that the points were seen from, by a translation and a quaternion. The ones that change nothing are
+/// what programs write that do not know.
 fn viewpoint<'a>(mut words: impl Iterator<Item = &'a [u8]>) -> Option<Option<DVec3>> {
     let mut number = || words.next().and_then(parse).filter(|number: &f64| number.is_finite());
     let mut numbers = [0.0; 7];

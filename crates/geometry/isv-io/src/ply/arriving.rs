@@ -1,6 +1,6 @@
-//! The PLY file at the start of bytes that still arrive. It says how long it is only to who reads all of it, and may be
-//! asked after every few bytes: what was seen once is not looked at again, so that all answers together cost no more than
-//! one, and the rows are parsed once, when the last of them is there.
+//! The PLY file at the start of bytes that still arrive. It says how long it is only to who reads all of it,
+//! and may be asked after every few bytes. What was seen once is not looked at again, so that all answers
+//! together cost no more than one. The rows are parsed once, when the last of them is there.
 
 use super::header::{Element, Encoding, Header, HeaderReader, Kind};
 use super::read::parse_body;
@@ -50,7 +50,7 @@ struct Rows {
     element: usize,
     /// How many this one has.
     row: u64,
-    /// Where the last of them ends, in bytes from the start of the file.
+    /// End of the last row, in bytes from the start of the file.
     end: usize,
     /// Offset in a text body at which to look for the end of the next word.
     searched: usize,
@@ -173,7 +173,7 @@ mod tests {
         [header.as_str(), body].concat().split_inclusive('\n').map(|line| line.as_bytes().to_vec()).collect()
     }
 
-    /// The same in binary: the lines of the header, all vertices, then rows.
+    /// The file in binary: the lines of the header, all vertices, then rows.
     fn binary(big_endian: bool) -> Vec<Vec<u8>> {
         let name = if big_endian { "binary_big_endian" } else { "binary_little_endian" };
         let mut pieces = text();

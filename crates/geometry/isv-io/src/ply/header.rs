@@ -106,7 +106,7 @@ pub(super) struct Property {
 #[derive(Debug)]
 pub(super) struct Element {
     pub(super) name: Vec<u8>,
-    /// As claimed; nothing is allocated by it.
+    /// Number of rows as claimed; nothing is allocated by it.
     pub(super) count: u64,
     pub(super) properties: Vec<Property>,
 }
@@ -140,7 +140,7 @@ pub(super) struct Header {
     pub(super) elements: Vec<Element>,
     /// Names of textures, as `comment TextureFile` has them.
     pub(super) textures: Vec<String>,
-    /// Where the body starts, in bytes from the start of the file.
+    /// Start of the body, in bytes from the start of the file.
     pub(super) body_offset: usize,
     /// Lines of the header.
     pub(super) lines: usize,
@@ -170,9 +170,9 @@ impl Header {
 pub(super) struct HeaderReader {
     parser: Parser,
     lines: usize,
-    /// Where the next line starts.
+    /// Start of the next line.
     offset: usize,
-    /// Where to look for its end.
+    /// Place from which to look for the line's end.
     searched: usize,
     /// Whether the last line ended in CR alone.
     carriage_return: bool,

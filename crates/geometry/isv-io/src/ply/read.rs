@@ -159,7 +159,7 @@ struct Vertices {
     row: [f64; SLOTS],
     has_normals: bool,
     positions: Vec<DVec3>,
-    /// As in the file, of any length; empty without nx, ny and nz.
+    /// Normals as in the file, of any length; empty without nx, ny and nz.
     normals: Vec<DVec3>,
     /// Colours, if they are there and asked for.
     colours: Option<RawColours>,

@@ -27,7 +27,7 @@ pub(super) trait Values {
     fn end_row(&mut self) -> Result<(), Fault>;
     /// Ends the body after its last row.
     fn finish(&mut self) -> Result<(), Malformation>;
-    /// Where reading stands, for messages.
+    /// Position of reading, for messages.
     fn position(&self) -> Position;
     /// Bytes not read yet.
     fn remaining(&self) -> usize;
@@ -40,8 +40,8 @@ pub(super) trait Values {
         u64::try_from(length).map_err(|_| Malformation::ListLength { length }.into())
     }
 
-    /// How many rows of an element to reserve memory for: what the header claims, but never more than the rest of
-    /// the file could hold, lists taken as triangles.
+    /// Number of rows of an element to reserve memory for. It is what the header claims, but never more than
+    /// the rest of the file could hold, lists taken as triangles.
     fn rows_to_reserve(&self, element: &Element) -> usize {
         let fit = self.remaining() / Self::row_bytes(element).max(1);
         usize::try_from(element.count).map_or(fit, |count| count.min(fit))

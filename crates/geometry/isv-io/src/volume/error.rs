@@ -129,7 +129,7 @@ pub enum VolumeError {
         path: PathBuf,
         /// Row of the block.
         row: usize,
-        /// Its coordinates.
+        /// Coordinates of the block.
         coord: [i64; 3],
     },
     /// Two blocks at one place.
@@ -139,7 +139,7 @@ pub enum VolumeError {
         path: PathBuf,
         /// Rows of the two blocks.
         rows: [usize; 2],
-        /// Where they are.
+        /// Coordinates of both blocks.
         coord: [i32; 3],
     },
 }

@@ -2,9 +2,9 @@
 
 use isv_volume::{BlockEdge, VoxelMask};
 
-/// Gives the unobserved voxels of a block values that are cheap to code: what was observed spreads, voxel by voxel along the
-/// axes, each taking the mean of those neighbours that have a value already. What the file
-/// says there has no meaning. Of a block that was not observed at all nothing is changed.
+/// Gives the unobserved voxels of a block values that are cheap to code. What was observed spreads, voxel by
+/// voxel along the axes. Each voxel takes the mean of those neighbours that have a value already. What the
+/// file says there has no meaning. Of a block that was not observed at all nothing is changed.
 pub fn fill_unobserved(edge: BlockEdge, samples: &mut [i16], unobserved: &VoxelMask) {
     let n = edge.voxels();
     let mut unknown = unobserved.clone();

@@ -1,5 +1,5 @@
-//! NumPy's array files, as `numpy.lib.format` documents them: a magic number, a version, a header that is the text of a
-//! Python dictionary, and the elements in C order.
+//! NumPy's array files, as `numpy.lib.format` documents them. They have a magic number, a version, a header
+//! that is the text of a Python dictionary, and the elements in C order.
 //!
 //! Our own reader, as the header has but three fixed entries; the crate for it brings a parser of Python literals and big
 //! numbers along.

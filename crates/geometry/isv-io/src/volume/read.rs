@@ -11,9 +11,9 @@ use isv_volume::{
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The grid that a folder's volume is on: the block edge of its arrays, and voxel size and truncation as given, else as its
-/// `grid.json` has them. A truncation that is no whole number of voxels is rounded up, and brought into
-/// [`Truncation::RANGE`]; without any it is 8 voxels.
+/// Grid that a folder's volume is on: the block edge of its arrays, and voxel size and truncation. These are
+/// as given, else as its `grid.json` has them. A truncation that is no whole number of voxels is rounded up,
+/// and brought into [`Truncation::RANGE`]; without any it is 8 voxels.
 ///
 /// # Errors
 /// See [`VolumeError`]; [`VolumeError::NoVoxelSize`] if nobody knows it.

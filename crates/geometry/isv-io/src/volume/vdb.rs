@@ -125,8 +125,8 @@ fn grid_header(leaves: &Leaves, origin: DVec3) -> Vec<u8> {
     bytes
 }
 
-/// From voxel indices to places, with what the library keeps of it: translation, scale, voxel size, 1 / scale, 1 / scale^2 and
-/// 1 / (2 scale), three numbers each.
+/// Transform from voxel indices to places, with what the library keeps of it. These are translation, scale,
+/// voxel size, 1 / scale, 1 / scale^2 and 1 / (2 scale), three numbers each.
 fn transform(size: f64, origin: DVec3) -> Vec<u8> {
     let mut bytes = text("UniformScaleTranslateMap");
     for axis in origin.to_array() {

@@ -8,9 +8,10 @@ use isv_volume::{ColourSample, SparseVolume};
 use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 
-/// Writes a volume as a folder of arrays, which is made if it is not there: distances as `float32` in truncation distances,
-/// weights as `uint8`, 1 where observed and 0 elsewhere, and `grid.json`. Reading it back gives the same volume, but for the
-/// samples of unobserved voxels, which have no meaning. Colours that the folder had of another volume are removed.
+/// Writes a volume as a folder of arrays, which is made if it is not there. Distances are `float32` in
+/// truncation distances. Weights are `uint8`, 1 where observed and 0 elsewhere. The rest is in `grid.json`.
+/// Reading it back gives the same volume, but for the samples of unobserved voxels, which have no meaning.
+/// Colours that the folder had of another volume are removed.
 ///
 /// # Errors
 /// [`WriteError`]; each file is replaced whole or not at all.

@@ -23,8 +23,8 @@ fn coloured() -> TriangleMesh {
     }
 }
 
-/// A square of two triangles, of which the first has a texture and the second, of another material, has not; and a third one with
-/// the texture but without coordinates.
+/// A square of two triangles. The first has a texture, and the second, of another material, has none. A third
+/// triangle has the texture but no coordinates.
 fn textured(image: Arc<Image>) -> TriangleMesh {
     let middles = [[0.25, 0.25], [0.75, 0.25], [0.75, 0.75]];
     let skin = Material { texture: Some(image), base_colour: [1.0, 0.5, 1.0], wrap: [Wrap::Clamp; 2] };

@@ -134,9 +134,10 @@ fn mean_colour(points: &[u32], colours: &[[f32; 3]]) -> [f32; 3] {
 
 /// The face of a mesh that a point of another surface has its colour from, and the weights of its corners there.
 ///
-/// It is the first surface met from outside along the point's normal, if that is nearly as near as the closest point and faces the same
-/// way; else it is the closest point. The closest point alone would often lie on a layer that nobody sees: a lining, or skin under a
-/// collar. A point that lies on the mesh itself has the colour there.
+/// The point is the first surface met from outside along its normal. That surface must be nearly as near as
+/// the closest point and face the same way; else it is the closest point. The closest point alone would often
+/// lie on a layer that nobody sees: a lining, or skin under a collar. A point that lies on the mesh itself
+/// has the colour there.
 fn outermost(mesh: &TriangleMesh, bvh: &Bvh, point: &ColouredPoint, closest: &Closest) -> (usize, [f64; 3]) {
     let distance = closest.distance_sq.sqrt();
     let &ColouredPoint { position, normal, .. } = point;

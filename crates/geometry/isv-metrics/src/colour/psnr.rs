@@ -1,7 +1,7 @@
 //! Peak signal-to-noise ratios of colours.
 
-/// Largest PSNR of colours. Errors of 1/400 of an 8-bit level, which it stands for, are below the rounding of texture coordinates; no error
-/// at all, which has no PSNR, is this many decibels too.
+/// Largest PSNR of colours. It stands for errors of 1/400 of an 8-bit level, which are below the rounding of
+/// texture coordinates. No error at all has no PSNR, and counts as this many decibels too.
 pub const MAX_COLOUR_PSNR_DB: f64 = 100.0;
 
 /// Largest value of a channel.

@@ -46,7 +46,7 @@ impl Overview {
     }
 }
 
-/// Where frames come from, before any is read.
+/// Source of frames, before any is read.
 pub(super) struct FrameSource {
     input: Capture,
     range: Range<usize>,
@@ -99,8 +99,8 @@ impl FrameSource {
         self.input.frame_rate()
     }
 
-    /// Reads the frames, once for the overview of them and once more for whoever draws them, so that few are held at a
-    /// time; those of a pipe, which cannot be read again, are all held.
+    /// Reads the frames, once for the overview of them and once more for whoever draws them, so that few are
+    /// held at a time. Those of a pipe, which cannot be read again, are all held.
     pub(super) fn read(self, args: &Args) -> Result<(Overview, Scenes)> {
         let name = self.input.name().to_owned();
         let voxel_m = self.input.grid().map(|grid| grid.voxel_size.metres());

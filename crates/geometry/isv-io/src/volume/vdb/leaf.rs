@@ -63,8 +63,8 @@ impl<'a> Leaves<'a> {
         leaves
     }
 
-    /// Adds leaves where the band ends beside one before it has reached the truncation, as it does at an open end: the voxels there must
-    /// be on the side of those beside them.
+    /// Adds leaves beside one in which the band ends before it has reached the truncation, as it does at an
+    /// open end. The voxels there must be on the side of those beside them.
     fn add_beyond_open_ends(&mut self) {
         // A voxel further the distance grows by one at most, but for what coding has done.
         const CODING: i16 = CODES_PER_VOXEL as i16 / 16;
@@ -115,9 +115,10 @@ impl<'a> Leaves<'a> {
         self.distance(self.grid().truncation.codes())
     }
 
-    /// Values of a leaf. Surface is where an edge of two active voxels changes sign, and nowhere else: tools make none where both ends of an
-    /// edge are inactive. So an inactive voxel has the sign of the active ones beside it, and an active one that faces an inactive one of
-    /// the other sign all the same is made inactive. What is left of a hole in the surface is a change of sign among inactive voxels.
+    /// Values of a leaf. Surface is where an edge of two active voxels changes sign, and nowhere else: tools
+    /// make none where both ends of an edge are inactive. So an inactive voxel has the sign of the active
+    /// ones beside it. An active one that faces an inactive one of the other sign all the same is made
+    /// inactive. What is left of a hole in the surface is a change of sign among inactive voxels.
     pub(super) fn leaf(&self, origin: [i32; 3]) -> Leaf {
         let around = Around::new(self, origin);
         let mut leaf = Leaf { values: [self.background(); VOXELS], active: [0; MASK_BYTES] };

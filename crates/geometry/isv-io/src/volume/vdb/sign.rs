@@ -7,8 +7,9 @@ pub(super) struct Ends {
     pub(super) last_inside: bool,
 }
 
-/// Gives each of `side^3` places, z fastest, a side: what is not known is on that of the known place before it along z, else
-/// along y, else along x, else on that of the first known place. This is how OpenVDB fills a level set from its narrow band.
+/// Gives each of `side^3` places, z fastest, a side. What is not known is on that of the known place before
+/// it along z, else along y, else along x. Else it is on that of the first known place. This is how OpenVDB
+/// fills a level set from its narrow band.
 pub(super) fn spread_signs(side: usize, known: &[Option<Ends>]) -> Vec<bool> {
     let first = known.iter().flatten().next().is_some_and(|ends| ends.first_inside);
     let after = |place: usize, before: bool| known[place].map_or(before, |ends| ends.last_inside);

@@ -32,7 +32,7 @@ impl Level {
     }
 }
 
-/// Where in the tree a leaf is; the order in which leaves are written.
+/// Place of a leaf in the tree; the order in which leaves are written.
 pub(super) fn path(origin: [i32; 3]) -> ([i32; 3], usize, usize) {
     (UPPER.origin(origin), UPPER.child(origin), LOWER.child(origin))
 }
