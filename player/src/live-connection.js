@@ -6,6 +6,8 @@ const HEADER = 0;
 const PACKET = 1;
 const ENDED = 2;
 const CLOCK = 3;
+/** What the stream says of itself. */
+const METADATA = 5;
 /** A packet at which decoding can begin, or begin to recover. */
 const ENTRY = 4;
 
@@ -25,6 +27,7 @@ const CLOCK_ANSWERS = 8;
  * @typedef {object} LiveEvents
  * @property {(state: LiveState) => void} state
  * @property {(header: Uint8Array) => void} header a stream begins; what came before is over
+ * @property {(packet: Uint8Array) => void} metadata what the stream that began says of itself
  * @property {(packet: Uint8Array, serverMs: number, entry: boolean) => void} packet when the server had it, in unix ms by its
  *   clock, and whether decoding can begin there
  *
@@ -131,6 +134,8 @@ export class LiveConnection {
       latest.leastOffsetMs = Math.max(latest.leastOffsetMs, serverMs - unixNow());
       this.#estimateOffset();
       this.#on.packet(bytes.slice(9), serverMs, bytes[0] === ENTRY);
+    } else if (bytes[0] === METADATA) {
+      this.#on.metadata(bytes.slice(1));
     } else if (bytes[0] === ENDED) {
       this.#become(bytes[1] === 1 ? 'over' : 'ended');
       if (this.state === 'over') this.close();

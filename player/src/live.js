@@ -6,6 +6,7 @@ import { IsvFailure, words } from './failure.js';
 import { JitterBuffer } from './jitter-buffer.js';
 import { Lane } from './lane.js';
 import { LiveConnection } from './live-connection.js';
+import { metadataOf } from './metadata.js';
 import { Decoder } from './wasm.js';
 
 /** Packets waiting above which those before the newest entry are dropped. */
@@ -25,13 +26,15 @@ const UNIX_NS = 1e18;
 export class LiveSource {
   /** What the header says of the stream that runs now. @type {import('./wasm.js').StreamFacts | null} */
   facts = null;
+  /** What it says of itself. @type {import('./metadata.js').Metadata} */
+  metadata = {};
   playing = true;
   details = false;
   /** From capture, or from the server, to the picture shown last, in ms; null before it. @type {number | null} */
   latencyMs = null;
   /** Packets that were dropped to keep up. */
   dropped = 0;
-  /** Is told of `state`, `open`, `lost` and, with an `error`, `error`. @type {(type: string, detail?: unknown) => void} */
+  /** Is told of `state`, `open`, `described`, `lost` and, with an `error`, `error`. @type {(type: string, detail?: unknown) => void} */
   onevent = () => {};
   #module;
   #spawn;
@@ -72,6 +75,10 @@ export class LiveSource {
       on: {
         state: (state) => this.onevent('state', { state }),
         header: (header) => this.#begin(header),
+        metadata: (packet) => {
+          this.metadata = metadataOf(packet);
+          this.onevent('described');
+        },
         packet: (packet, serverMs, entry) => this.#take({ packet, serverMs, entry }),
       },
     });
@@ -112,6 +119,7 @@ export class LiveSource {
   /** A stream begins, perhaps not the first: all that was is over. @param {Uint8Array} header */
   async #begin(header) {
     const stream = ++this.#streams;
+    this.metadata = {};
     this.#drop();
     this.#lane?.close();
     this.#lane = null;

@@ -132,7 +132,7 @@ export class IsvPlayer extends EventTarget {
 
   /** What the take says of itself; empty until it is open, and where it says nothing. */
   get metadata() {
-    return this.source?.metadata ?? {};
+    return this.source?.metadata ?? this.live?.metadata ?? {};
   }
 
   /** The frame under the playhead. */
@@ -307,6 +307,7 @@ export class IsvPlayer extends EventTarget {
           this.error = null;
           this.#dress();
         }
+        if (type === 'open' || type === 'described') this.#turn();
         this.#tell(type, detail);
       };
       this.live.details = this.#details;

@@ -90,6 +90,7 @@ function connected(context) {
     on: {
       state: (state) => events.push(state),
       header: (header) => events.push(`header ${header.length}`),
+      metadata: (packet) => events.push(`metadata ${packet.length}`),
       packet: (packet, serverMs, entry) => events.push(`${entry ? 'entry' : 'packet'} ${packet.length} at ${serverMs}`),
     },
   });
@@ -100,12 +101,13 @@ test('a live stream is heard', (context) => {
   const { sockets, events } = connected(context);
   sockets[0].onopen();
   sockets[0].say(0, new Uint8Array(48));
+  sockets[0].say(5, new Uint8Array(40));
   sockets[0].say(4, 1200, new Uint8Array(50));
   sockets[0].say(1, 1234, new Uint8Array(30));
   sockets[0].say(2);
   sockets[0].say(0, new Uint8Array(48));
   const packets = ['entry 50 at 1200', 'packet 30 at 1234'];
-  assert.deepEqual(events, ['waiting', 'header 48', 'live', ...packets, 'ended', 'header 48', 'live']);
+  assert.deepEqual(events, ['waiting', 'header 48', 'live', 'metadata 40', ...packets, 'ended', 'header 48', 'live']);
 });
 
 test('a stream that has ended for good is not waited for', (context) => {

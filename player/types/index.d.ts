@@ -136,6 +136,8 @@ export interface PlayerEvents {
   /** Bytes cannot be read, which is tried again; they can. */
   stalled: { message: string };
   recovered: undefined;
+  /** What a live stream says of itself has come: `metadata` has it. */
+  described: undefined;
   /** Sound is there, and leads the clock. */
   sound: { codec: string };
   /** The browser cannot play the take's sound: it plays without. */

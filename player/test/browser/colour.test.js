@@ -10,7 +10,7 @@ import { nativeCamera } from '../support/native-camera.js';
 import { skipUnless } from '../support/need.js';
 import { opened, shows } from '../support/page.js';
 import { serve } from '../support/server.js';
-import { packetsOf } from '../support/stream.js';
+import { metadataPacket, packetsOf } from '../support/stream.js';
 
 const missing = !hasBrowser ? 'there is no /usr/bin/chromium' : 'ISV_BIN names no program';
 const skip = skipUnless(hasBrowser && Boolean(ISV_BIN), 'browser', missing, 'colour');
@@ -156,16 +156,21 @@ describe('colour', { skip }, () => {
     assert.deepEqual(errors, []);
   });
 
-  test('a live stream is in colour', async () => {
+  test('a live stream is in colour, and says which way is up', async () => {
     const live = await serving(['serve', '--live', '-', '--bind', '127.0.0.1:0']);
     try {
       const { page } = await opened(browser, new URL('/', live.url).href);
       const packets = packetsOf(plain);
-      live.stdin.write(Buffer.concat([plain.subarray(0, 48), packets[0]]));
+      live.stdin.write(Buffer.concat([plain.subarray(0, 48), metadataPacket({ title: 'A ball', up: 'z' }), packets[0]]));
       await page.waitForFunction(() => /** @type {any} */ (globalThis).isv.players[0]?.shown);
       assert.equal(await page.locator('#views input:checked').inputValue(), 'colour');
       await page.waitForFunction(() => /** @type {any} */ (globalThis).isv.firstPictureMs !== null);
       near(await middle(page), PLAIN[0], 'live');
+      const said = await page.evaluate(() => {
+        const [player] = /** @type {any} */ (globalThis).isv.players;
+        return [player.metadata.title, player.up];
+      });
+      assert.deepEqual(said, ['A ball', 'z']);
     } finally {
       live.close();
     }

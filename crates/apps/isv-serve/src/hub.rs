@@ -57,6 +57,8 @@ struct Ring {
     streams: u64,
     /// The message that begins the stream.
     header: Bytes,
+    /// The message that says what it is.
+    metadata: Option<Bytes>,
     /// Whether the source ended and did not start anew.
     ended: bool,
     /// Whether it ended for good.
@@ -141,8 +143,15 @@ impl Hub {
         let header = message::header(header);
         self.update(|ring| {
             ring.clear();
+            ring.metadata = None;
             (ring.streams, ring.header, ring.ended, ring.broken) = (ring.streams + 1, header, false, true);
         });
+    }
+
+    /// The packet of metadata, header and payload, has arrived: of a stream the first one counts.
+    pub fn describe(&self, packet: &[u8]) {
+        let message = message::metadata(packet);
+        self.update(|ring| drop(ring.metadata.get_or_insert(message)));
     }
 
     /// A frame's packet, header and payload, has arrived. Those that follow a gap are dropped until an entry: a keyframe, or
@@ -202,6 +211,7 @@ impl Hub {
             stream: 0,
             next: self.lock().end(),
             place: Place::BeforeEntry,
+            told_metadata: false,
             told_end: false,
             is_over: false,
             missed: 0,
@@ -230,6 +240,7 @@ pub struct Viewer {
     /// Sequence number of the next packet.
     next: u64,
     place: Place,
+    told_metadata: bool,
     told_end: bool,
     is_over: bool,
     missed: u64,
@@ -279,6 +290,12 @@ impl Viewer {
             self.begin(&ring);
             return Some(ring.header.clone());
         }
+        if !self.told_metadata
+            && let Some(metadata) = &ring.metadata
+        {
+            self.told_metadata = true;
+            return Some(metadata.clone());
+        }
         self.drop_what_is_too_old(&ring, now, hub.limits.lag);
         if self.place != Place::Inside {
             let entry = ring.entry_from(self.next);
@@ -304,7 +321,7 @@ impl Viewer {
         self.stream = ring.streams;
         self.next = self.next.max(ring.first);
         self.place = Place::BeforeEntry;
-        self.told_end = false;
+        (self.told_metadata, self.told_end) = (false, false);
     }
 
     /// What was evicted is lost; what is older than `lag` is passed over if an entry has come since.
@@ -395,6 +412,24 @@ mod tests {
         hub.start(&[9; StreamHeader::BYTES]);
         publish(&hub, 0..3);
         assert_eq!(drain(&mut viewer), ["header", "0", "1", "2"]);
+    }
+
+    #[test]
+    fn all_viewers_of_a_stream_are_told_what_it_is() {
+        let hub = hub(1 << 20);
+        let mut early = hub.join();
+        assert_eq!(drain(&mut early), ["header"]);
+        hub.describe(b"first");
+        hub.describe(b"second");
+        publish(&hub, 0..2);
+        assert_eq!(drain(&mut early), ["kind 5", "0", "1"]);
+        let mut late = hub.join();
+        assert_eq!(drain(&mut late), ["header", "kind 5"]);
+        publish(&hub, 10..11);
+        assert_eq!(drain(&mut late), ["10"]);
+        assert_eq!(&hub.lock().metadata.as_ref().unwrap()[1..], b"first");
+        hub.start(&[8; StreamHeader::BYTES]);
+        assert_eq!(drain(&mut late), ["header"], "another stream");
     }
 
     #[test]

@@ -7,6 +7,7 @@
 //! | [`PACKET`] | the same | any other packet |
 //! | [`END`] | nothing | the source ended; a header may follow |
 //! | [`END`] | a byte, [`FOR_GOOD`] | the source has ended for good; the connection closes |
+//! | [`METADATA`] | the metadata packet as in a file | after a header, if the stream says what it is |
 //! | [`CLOCK`] | unix time in ms of the server (`f64`), the 8 bytes that the viewer sent | answer to a message of 8 bytes |
 //!
 //! Numbers are little-endian. A viewer sends nothing but those 8 bytes, its own time, to find how far the clocks differ.
@@ -25,6 +26,9 @@ pub const END: u8 = 2;
 pub const FOR_GOOD: u8 = 1;
 /// The server's time.
 pub const CLOCK: u8 = 3;
+
+/// What the stream is: the packet of section 6.8 of the specification.
+pub const METADATA: u8 = 5;
 
 /// A frame at which decoding can begin, or begin to recover.
 pub const ENTRY: u8 = 4;
@@ -45,6 +49,10 @@ pub(crate) fn header(header: &[u8; StreamHeader::BYTES]) -> Bytes {
 /// `packet` is header and payload; `entry` whether decoding can begin or recover there; `arrived_ms` in milliseconds since 1970.
 pub(crate) fn packet(packet: &[u8], entry: bool, arrived_ms: f64) -> Bytes {
     joined(if entry { ENTRY } else { PACKET }, &[&arrived_ms.to_le_bytes(), packet])
+}
+
+pub(crate) fn metadata(packet: &[u8]) -> Bytes {
+    joined(METADATA, &[packet])
 }
 
 pub(crate) fn end() -> Bytes {

@@ -187,6 +187,7 @@ impl<N: FnMut(&str)> Feeder<N> {
             }
             match piece {
                 Piece::Header(header) => self.hub.start(&header.to_bytes()),
+                Piece::Metadata(packet) => self.hub.describe(&packet),
                 Piece::Frame { packet, entry } => self.hub.publish(&packet, entry),
                 Piece::Damage(what) => {
                     self.hub.gap();

@@ -1,5 +1,7 @@
 //! The metadata packet: what a take is, as JSON, for people and programs. Decoding needs nothing of it.
 
+use crate::packet::{PacketHeader, PacketKind};
+
 /// Type of the packet. Readers that do not know it pass it over.
 pub(crate) const TYPE_METADATA: u8 = 128;
 /// Most bytes of the text. A longer one is passed over.
@@ -22,6 +24,13 @@ impl MetadataText {
     #[must_use]
     pub fn from_payload(payload: Vec<u8>) -> Option<Self> {
         String::from_utf8(payload).ok().and_then(Self::new)
+    }
+
+    /// The packet that holds it, header and payload.
+    #[must_use]
+    pub fn to_packet(&self) -> Vec<u8> {
+        let payload = self.0.as_bytes();
+        [&PacketHeader::seal(PacketKind::Metadata, 0, 0, payload)[..], payload].concat()
     }
 
     /// The text.

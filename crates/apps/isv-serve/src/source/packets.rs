@@ -14,6 +14,8 @@ pub(super) enum Piece {
         /// Whether decoding can begin here, or begin to recover.
         entry: bool,
     },
+    /// What the stream is: the packet, header and payload.
+    Metadata(Vec<u8>),
     /// The stream ended as its writer meant it to.
     End,
     /// Bytes that are no packet, in words; told once until there is one again.
@@ -55,8 +57,9 @@ impl<R: Read> Packets<R> {
                     self.pieces.leave_stream();
                     Piece::End
                 }
+                Found::Metadata(Some(text)) => Piece::Metadata(text.to_packet()),
                 // Viewers have no use for these.
-                Found::Index { is_end: false, .. } | Found::Metadata(_) | Found::Skipped => continue,
+                Found::Index { is_end: false, .. } | Found::Metadata(None) | Found::Skipped => continue,
                 Found::Unsupported(why) | Found::Damage(why) => Piece::Damage(why.to_string()),
             }));
         }
@@ -67,7 +70,7 @@ impl<R: Read> Packets<R> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use isv_format::PacketReader;
+    use isv_format::{FormatVersion, MetadataText, PacketHeader, PacketReader, PacketWriter};
     use std::fs;
     use std::path::Path;
 
@@ -97,6 +100,9 @@ mod tests {
                     let at = stream.windows(packet.len()).position(|bytes| bytes == packet);
                     format!("frame {}", at.unwrap())
                 }
+                Piece::Metadata(packet) => {
+                    format!("metadata {}", String::from_utf8_lossy(&packet[PacketHeader::BYTES..]))
+                }
                 Piece::End => "end".to_owned(),
                 Piece::Damage(words) => words,
             });
@@ -115,6 +121,20 @@ mod tests {
         assert_eq!(pieces(&bytes[..], &bytes), whole(&places));
         let twice = [&bytes[..], &bytes].concat();
         assert_eq!(pieces(&twice[..], &bytes), [whole(&places), whole(&places)].concat());
+    }
+
+    #[test]
+    fn metadata_comes_as_a_packet() {
+        let header = StreamHeader::parse(stream().0.first_chunk().unwrap()).unwrap();
+        let header = StreamHeader { version: FormatVersion::V2, ..header };
+        let mut writer = PacketWriter::new(Vec::new(), &header).unwrap();
+        writer.write_metadata(&MetadataText::new(r#"{"up":"z"}"#.to_owned()).unwrap()).unwrap();
+        let bytes = writer.finish().unwrap();
+        assert_eq!(pieces(&bytes[..], &bytes), ["header true", r#"metadata {"up":"z"}"#, "end"]);
+        let mut packets = Packets::new(&bytes[..], 0, LARGEST);
+        packets.next().unwrap();
+        let Some(Piece::Metadata(packet)) = packets.next().unwrap() else { panic!("metadata") };
+        assert!(bytes[StreamHeader::BYTES..].starts_with(&packet), "as it stood there");
     }
 
     #[test]
@@ -161,7 +181,7 @@ mod tests {
                     frames += 1;
                 }
                 Piece::Damage(what) => words.push(what),
-                Piece::Header(_) | Piece::End => {}
+                Piece::Header(_) | Piece::Metadata(_) | Piece::End => {}
             }
         }
         assert!(
