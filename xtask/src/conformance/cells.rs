@@ -1,6 +1,7 @@
 //! Streams of version 2 whose masks are coded by cell.
 
 use super::extremes::judged;
+use super::main_profile::foreign;
 use super::raw::{RawFrame, RawStream, judge};
 use super::{Stream, encode, header};
 use anyhow::{Context, Result};
@@ -21,12 +22,14 @@ pub(super) fn streams() -> Result<Vec<(&'static str, Stream)>> {
         ("version_2_cells_settled", encoded(8, usual, (6, 1), still_and_moving)?),
         ("version_2_cells_resilient", encoded(8, gradual, (3, 2), balls(5))?),
         ("version_2_cells_noise", noise()?),
+        ("version_2_cells_border_no_index", foreign(include_bytes!("cells_border.isv"))?),
+        ("version_2_cells_without_prediction_no_index", foreign(include_bytes!("cells_without_prediction.isv"))?),
     ])
 }
 
-/// A header that says so.
+/// The header of a stream whose masks are coded by cell.
 pub(super) fn by_cell(header: StreamHeader) -> StreamHeader {
-    header.with_masks(MaskCoding::Cells)
+    header.with_mask_coding(MaskCoding::Cells)
 }
 
 /// A stream of volumes, in groups of so many frames, each in so many slices.

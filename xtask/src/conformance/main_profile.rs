@@ -65,7 +65,7 @@ fn still_and_moving(truncation: u32, main: MainSettings) -> Result<Stream> {
 
 /// A stream of random symbols that another implementation wrote, from the specification alone. It has what no
 /// scene of ours has, such as settled masks beside blocks that change.
-fn foreign(bytes: &[u8]) -> Result<Stream> {
+pub(super) fn foreign(bytes: &[u8]) -> Result<Stream> {
     let mut reader = PacketReader::new(bytes)?;
     let mut decoder = Decoder::new(reader.header(), Limits::default());
     let mut hashes = Vec::new();

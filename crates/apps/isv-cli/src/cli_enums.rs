@@ -104,9 +104,9 @@ cli_enum! {
 cli_enum! {
     /// `--masks`
     MasksName for MaskCoding {
-        /// As cells of the surface that are not drawn: the fewest bytes, in version 2 of the format
+        /// By cell: fewest bytes and the same surface. Needs format 2, and hides some observed voxels
         Cells => MaskCoding::Cells,
-        /// As voxels: for readers of version 1
+        /// By voxel: exact, and for readers of format 1
         Voxels => MaskCoding::Voxels,
     }
 }

@@ -148,6 +148,20 @@ fn copies_keep_colour_and_leave_out_unknown_packets_and_say_so() {
 }
 
 #[test]
+fn masks_are_by_cell_unless_every_voxel_counts() {
+    let work = Workspace::with_figure(1);
+    let masks = |more: &[&str]| {
+        work.isv(&[&ENCODE[..], more].concat()).done();
+        info(&work, "take.isv")["masks"].clone()
+    };
+    assert_eq!(masks(&[]), "cells");
+    assert_eq!(masks(&["--masks", "voxels"]), "voxels");
+    assert_eq!(masks(&["--profile", "main", "--band", "full"]), "voxels");
+    assert_eq!(masks(&["--profile", "main", "--band", "full", "--masks", "cells"]), "cells");
+    work.isv(&[&ENCODE[..], &["--profile", "paper", "--masks", "cells"]].concat()).fails(2, &["masks"]);
+}
+
+#[test]
 fn streams_of_other_versions_and_layers_are_not_joined() {
     let work = workspace();
     work.isv(&["join", "take.isv", "colour.isv", "-o", "x.isv"])

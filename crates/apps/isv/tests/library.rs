@@ -116,7 +116,7 @@ fn colours_come_back_unless_they_are_left_out() {
     let plain = reader(&bytes).without_colour().next().unwrap().unwrap().mesh().unwrap();
     assert!(plain.colours.is_empty());
     let dropped = coloured_stream(&options().without_colour(), 4);
-    assert!(dropped == stream(&options(), 4), "a stream without colour is one of the format's version 1");
+    assert!(dropped == stream(&options(), 4), "a stream without colour is as if there were none");
     let finer = coloured_stream(&options().colour_quality(90.0), 4);
     assert!(finer.len() > bytes.len());
     for quality in [-1.0, 100.5, f32::NAN] {

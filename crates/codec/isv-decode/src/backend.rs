@@ -2,12 +2,12 @@
 //!
 //! ```text
 //! Decoder: packets, sequence, range decoder ─> symbols ─> Backend: prediction, inverse DCT, filter, extension ─> its frame
-//!                  ▲ blocks, activity, crossed corners ───────┘
+//!                  ▲ blocks, activity, crossed cells ─────────┘
 //! ```
 //!
 //! Entropy decoding needs no samples. What the syntax of a frame needs of the frame before are its blocks, which are on the CPU
 //! ([`ReferenceBlocks`], [`MainBlocks`]), and in profile `main` two things that are found in samples: where surface is expected, and
-//! which voxels are corners of crossed cells.
+//! which cells it crosses.
 
 mod cpu;
 

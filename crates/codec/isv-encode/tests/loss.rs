@@ -5,7 +5,7 @@ mod support;
 use isv_decode::main::ExactBlocks;
 use isv_decode::{DecodeError, Decoder, Limits, volume_hash};
 use isv_encode::{EncoderSettings, MainSettings, Refresh};
-use isv_format::{FrameCoding, FramePayload, Packet, Profile, StreamHeader};
+use isv_format::{FrameCoding, FramePayload, MaskCoding, Packet, Profile, StreamHeader};
 use isv_testkit::{Random, still_and_moving_ball};
 use isv_volume::{SparseVolume, VolumeBuilder};
 use std::sync::OnceLock;
@@ -17,7 +17,7 @@ const FRAMES: usize = 20;
 const LIMITS: Limits = Limits { frame_voxels: 1 << 24, voxels_per_byte: usize::MAX };
 
 fn header() -> StreamHeader {
-    main_header(8)
+    main_header(8).with_mask_coding(MaskCoding::Cells)
 }
 
 fn settings(slices: u16) -> EncoderSettings {

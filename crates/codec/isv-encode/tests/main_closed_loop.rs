@@ -35,10 +35,8 @@ fn variants() -> [MainSettings; 4] {
 fn decoder_agrees_with_the_encoders_reconstruction() {
     for (truncation, slices) in [(8, 1), (2, 3), (16, 7)] {
         let volumes = balls(truncation, 6);
-        for (main, masks) in
-            variants().into_iter().zip([Voxels, Cells].into_iter().cycle().skip(slices.into()))
-        {
-            let header = main_header(truncation).with_masks(masks);
+        for (main, masks) in variants().into_iter().flat_map(|main| [(main, Voxels), (main, Cells)]) {
+            let header = main_header(truncation).with_mask_coding(masks);
             let (bytes, hashes) = encode(&header, settings(main, slices), &volumes);
             let (decoded, end) = decode(&bytes);
             end.unwrap();
@@ -56,7 +54,7 @@ fn masks_by_cell_draw_the_same_surface_with_fewer_bytes() {
     let gradual = MainSettings { refresh: Refresh::Gradual, ..usual };
     for main in [usual, whole, gradual] {
         let coded = |masks| {
-            let header = main_header(8).with_masks(masks);
+            let header = main_header(8).with_mask_coding(masks);
             let volumes = [0.0, 1.0, 2.0, 2.0, 4.0].map(|t| still_and_moving_ball(header.grid, t));
             let (bytes, hashes) = encode(&header, EncoderSettings { gop: 5, ..settings(main, 2) }, &volumes);
             let (decoded, end) = decode(&bytes);
@@ -83,7 +81,7 @@ fn what_stands_still_is_kept() {
     for (truncation, band, masks) in
         [(8, Band::Surface, Voxels), (8, Band::Surface, Cells), (4, Band::Full, Cells)]
     {
-        let header = main_header(truncation).with_masks(masks);
+        let header = main_header(truncation).with_mask_coding(masks);
         let volumes = [0.0, 1.0, 2.0, 2.0, 2.0, 4.0].map(|t| still_and_moving_ball(header.grid, t));
         let main = MainSettings { band, ..Default::default() };
         let settings = EncoderSettings { gop: 6, ..settings(main, 2) };

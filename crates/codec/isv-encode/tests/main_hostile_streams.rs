@@ -74,9 +74,11 @@ fn every_prefix_of_a_stream_yields_whole_frames() {
 /// Bytes that say at random which cells are drawn give a frame that differs in its masks alone, or are refused.
 #[test]
 fn random_cells_are_masks_or_refused() {
-    let header = main_header(4).with_masks(MaskCoding::Cells);
+    let header = main_header(4).with_mask_coding(MaskCoding::Cells);
     let volumes: Vec<_> = (0..2).map(|t| ball(header.grid, f64::from(t))).collect();
     let packets = packets(&encode(&header, EncoderSettings::default(), &volumes).0);
+    let mut whole = Decoder::new(&header, LIMITS);
+    let whole: Vec<_> = packets.iter().map(|packet| whole.decode(packet).unwrap().volume.clone()).collect();
     let mut random = Random::new(5);
     let (mut decoded, mut refused) = (0, 0);
     for attempt in 0..400 {
@@ -90,7 +92,12 @@ fn random_cells_are_masks_or_refused() {
         masks[0] &= 0x3f;
         payload.masks = &masks;
         match decoder.decode(&forged(&packets[frame], payload.to_bytes())) {
-            Ok(_) => decoded += 1,
+            Ok(found) => {
+                let (found, whole) = (found.volume, &whole[frame]);
+                assert_eq!(found.coords(), whole.coords());
+                assert!((0..whole.block_count()).all(|block| found.block(block) == whole.block(block)));
+                decoded += 1;
+            }
             Err(DecodeError::Malformed { .. }) => refused += 1,
             Err(other) => panic!("{other}"),
         }

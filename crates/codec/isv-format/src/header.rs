@@ -101,7 +101,7 @@ impl StreamHeader {
     pub fn newest(profile: Profile, grid: Grid, frame_rate: FrameRate) -> Self {
         let header = Self::new(profile, grid, frame_rate);
         match profile {
-            Profile::Main => header.with_masks(MaskCoding::Cells),
+            Profile::Main => header.with_mask_coding(MaskCoding::Cells),
             Profile::Paper(_) => header,
         }
     }
@@ -115,7 +115,7 @@ impl StreamHeader {
 
     /// Sets how unobserved voxels are coded. A header that says by cells has version 2.
     #[must_use]
-    pub fn with_masks(self, mask_coding: MaskCoding) -> Self {
+    pub fn with_mask_coding(self, mask_coding: MaskCoding) -> Self {
         let version = if mask_coding == MaskCoding::Cells { FormatVersion::V2 } else { self.version };
         Self { version, mask_coding, ..self }
     }
@@ -383,19 +383,19 @@ pub(crate) mod tests {
     #[test]
     fn masks_are_by_cell_in_version_2_of_profile_main() {
         for layers in ColourLayers::ALL {
-            let header = main_header().with_masks(MaskCoding::Cells).with_colour(layers);
+            let header = main_header().with_mask_coding(MaskCoding::Cells).with_colour(layers);
             let bytes = header.to_bytes();
             assert_eq!((bytes[8], bytes[15]), (2, 4 | layers.count()));
             assert_eq!(StreamHeader::parse(&bytes).unwrap(), header);
         }
-        assert_malformed(&header().with_masks(MaskCoding::Cells).to_bytes(), 15);
-        let cells = main_header().with_masks(MaskCoding::Cells);
+        assert_malformed(&header().with_mask_coding(MaskCoding::Cells).to_bytes(), 15);
+        let cells = main_header().with_mask_coding(MaskCoding::Cells);
         assert_malformed(&StreamHeader { version: FormatVersion::V1, ..cells }.to_bytes(), 15);
     }
 
     #[test]
     fn what_needs_nothing_of_version_2_stays_in_version_1() {
-        let header = main_header().with_colour(ColourLayers::None).with_masks(MaskCoding::Voxels);
+        let header = main_header().with_colour(ColourLayers::None).with_mask_coding(MaskCoding::Voxels);
         assert_eq!((header, header.version), (main_header(), FormatVersion::V1));
     }
 

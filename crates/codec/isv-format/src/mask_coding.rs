@@ -6,12 +6,12 @@ pub enum MaskCoding {
     /// A bit for each corner of a cell that the surface crosses.
     #[default]
     Voxels,
-    /// A bit for each of these cells: whether it is drawn. It takes a half to a quarter of the bytes, and needs version 2.
+    /// A bit for each of these cells: whether it is drawn. Needs version 2, and half to a quarter of the bytes.
     Cells,
 }
 
 impl MaskCoding {
-    /// Its name: `voxels` or `cells`.
+    /// The name: `voxels` or `cells`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -23,7 +23,7 @@ impl MaskCoding {
     /// The bit of the stream header that says so.
     pub(crate) const CELLS_BIT: u8 = 1 << 2;
 
-    /// Its part of byte 15 of the stream header.
+    /// The bits of byte 15 of the stream header that state it.
     pub(crate) fn bits(self) -> u8 {
         match self {
             Self::Voxels => 0,

@@ -107,7 +107,7 @@ pub struct MainOptions {
     pub preset: Option<Preset>,
     /// Recovery of decoders from losses; at keyframes.
     pub refresh: Option<Refresh>,
-    /// Coding of unobserved voxels; by cells.
+    /// Coding of unobserved voxels; by cells, with the full band by voxels.
     pub masks: Option<MaskCoding>,
     /// Tools to use; all of the preset's.
     pub tools: Option<Tools>,
@@ -339,9 +339,11 @@ impl EncodeOptions {
         }
         let profile = self.profile(&grid)?;
         let frame_rate = self.frame_rate.or(frame_rate).unwrap_or(FrameRate::DEFAULT);
-        Ok(match self.main.masks {
-            Some(masks) => StreamHeader::new(profile, grid, frame_rate).with_masks(masks),
-            None => StreamHeader::newest(profile, grid, frame_rate),
+        Ok(match (self.main.masks, self.band) {
+            (Some(masks), _) => StreamHeader::new(profile, grid, frame_rate).with_mask_coding(masks),
+            // Cells hide observed voxels too where no drawn cell has them.
+            (None, Some(Band::Full)) => StreamHeader::new(profile, grid, frame_rate),
+            (None, _) => StreamHeader::newest(profile, grid, frame_rate),
         })
     }
 

@@ -13,9 +13,6 @@ pub type Bits = [u64; 8];
 const FIRST: u64 = 0x0101_0101_0101_0101;
 const LAST: u64 = FIRST << 7;
 
-/// The slots of a block's octet in its neighbourhood: itself, then those after it, x fastest.
-pub(crate) const OCTET: [usize; 8] = [13, 14, 16, 17, 22, 23, 25, 26];
-
 /// The corners of a block's cells, in each block of its octet.
 fn corners(cells: &Bits) -> [Bits; 8] {
     let mut corners = [[0; 8]; 8];
@@ -73,7 +70,7 @@ pub struct CellCorners<'a> {
 }
 
 impl<'a> CellCorners<'a> {
-    /// For the cells of a frame.
+    /// Looks for the corners of a frame's cells. `sets`: the frame's blocks.
     #[must_use]
     pub fn new(frame: ReferenceBlocks<'a>, sets: &FrameBlocks) -> Self {
         Self {

@@ -4,11 +4,11 @@
 //! Signs are bits: a row of voxels along x is a number, a block and one layer of voxels around it are ten rows of ten bits in each
 //! of ten layers.
 
-use crate::main::cell_corners::{Bits, OCTET, reaching};
+use crate::main::cell_corners::{Bits, reaching};
 use crate::main::extension::{DecodedBlocks, ExtensionPlan, FrameBlocks};
 use isv_kernels::signs::inside;
 use isv_kernels::simd::vectorized;
-use isv_volume::{BlockIndex, NeighbourFinder, Neighbourhood, SparseVolume, VoxelMask};
+use isv_volume::{BlockIndex, NeighbourFinder, Neighbourhood, OCTET_SLOTS, SparseVolume, VoxelMask};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -25,7 +25,7 @@ pub(crate) type Rows = [u8; 64];
 /// corners differ in sign and are all there and observed.
 #[must_use]
 pub fn crossed_corners(extended: &DecodedBlocks) -> Vec<(u32, VoxelMask)> {
-    in_unsettled_blocks(extended, &BTreeMap::new(), corner_words)
+    in_blocks(extended, &BTreeMap::new(), corner_words, Within::Unsettled)
 }
 
 /// The unsettled blocks of an extended volume, in order, where crossed cells begin, with the voxels that are the lowest corners of
@@ -35,17 +35,14 @@ pub fn crossed_cells(
     extended: &DecodedBlocks,
     unobserved: &BTreeMap<u32, VoxelMask>,
 ) -> Vec<(u32, VoxelMask)> {
-    in_unsettled_blocks(extended, unobserved, cell_words)
+    in_blocks(extended, unobserved, cell_words, Within::Unsettled)
 }
 
 /// The crossed cells of which a frame says whether they are drawn: those with a corner in an unsettled block. By the block of their
 /// lowest corners, in order, with these voxels.
 #[must_use]
 pub fn cells_at_unsettled(extended: &DecodedBlocks) -> Vec<(u32, VoxelMask)> {
-    in_blocks(extended, &BTreeMap::new(), cell_words, |around, unsettled| {
-        let octet = OCTET.map(|slot| around[slot].is_some_and(|block| unsettled[block as usize]));
-        reaching(octet)
-    })
+    in_blocks(extended, &BTreeMap::new(), cell_words, Within::Reach)
 }
 
 /// The blocks of a frame where cells may begin that have a corner in an unsettled block, in order, with the lowest corners of these.
@@ -65,25 +62,21 @@ pub fn beginnings_at_unsettled(plan: &ExtensionPlan) -> Vec<(u32, Bits)> {
     beginnings.collect()
 }
 
-/// The unsettled blocks, in order, that have some of the wanted voxels, with these. `wanted`: those of a block by the crossed cells around it.
-fn in_unsettled_blocks(
-    extended: &DecodedBlocks,
-    unobserved: &BTreeMap<u32, VoxelMask>,
-    wanted: impl Fn(&CrossedCells) -> Bits + Copy + Send + Sync,
-) -> Vec<(u32, VoxelMask)> {
-    in_blocks(extended, unobserved, wanted, |around, unsettled| {
-        let own = around[OCTET[0]].expect("the block in the middle");
-        if unsettled[own as usize] { [!0; 8] } else { [0; 8] }
-    })
+/// Blocks whose voxels are looked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Within {
+    /// Unsettled ones.
+    Unsettled,
+    /// Settled ones too, where cells begin that have a corner in an unsettled block.
+    Reach,
 }
 
-/// The blocks, in order, that have some of the wanted voxels, with these, of those that cells of unsettled blocks reach into.
-/// `within`: the voxels of a block that may be wanted, by the blocks around it and by which of all these are unsettled.
+/// Wanted voxels by block, in order. `wanted`: those of a block by the crossed cells around it.
 fn in_blocks(
     extended: &DecodedBlocks,
     unobserved: &BTreeMap<u32, VoxelMask>,
     wanted: impl Fn(&CrossedCells) -> Bits + Copy + Send + Sync,
-    within: impl Fn(&Neighbourhood, &[bool]) -> Bits + Send + Sync,
+    within: Within,
 ) -> Vec<(u32, VoxelMask)> {
     let FrameBlocks { all, coded, unsettled, .. } = extended.sets();
     // All that cells of these blocks reach into.
@@ -104,16 +97,23 @@ fn in_blocks(
     };
     let (signs, parts): (Vec<Signs>, Vec<Parts>) = blocks.map(signs_of).unzip();
     let unsettled = unsettled.marks_in(near);
-    let voxels = |finder: &mut NeighbourFinder, block: &u32| {
+    let is_unsettled = |block: Option<u32>| block.is_some_and(|block| unsettled[block as usize]);
+    let voxels = |finder: &mut NeighbourFinder, (block, own): (&u32, &bool)| {
+        if !own && within == Within::Unsettled {
+            return None;
+        }
         finder.turn_to(volume.coords()[*block as usize]);
         let around = finder.neighbourhood();
-        let within = within(&around, &unsettled);
-        let is_wanted = within != [0; 8] && is_mixed(&around, &parts);
-        let words = if is_wanted { wanted_in(&around, &signs, wanted) } else { [0; 8] };
-        let words: Bits = std::array::from_fn(|z| words[z] & within[z]);
+        if !is_mixed(&around, &parts) {
+            return None;
+        }
+        let reach = if *own { [!0; 8] } else { reaching(OCTET_SLOTS.map(|slot| is_unsettled(around[slot]))) };
+        let words = wanted_in(&around, &signs, wanted);
+        let words: Bits = std::array::from_fn(|z| words[z] & reach[z]);
         (words != [0; 8]).then(|| (*block, VoxelMask::from_words(&words)))
     };
-    let voxels = numbers.par_iter().map_init(|| NeighbourFinder::new(index), voxels);
+    let blocks = numbers.par_iter().zip(&unsettled);
+    let voxels = blocks.map_init(|| NeighbourFinder::new(index), voxels);
     voxels.flatten_iter().collect()
 }
 

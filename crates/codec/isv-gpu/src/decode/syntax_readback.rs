@@ -116,7 +116,7 @@ fn words(bytes: &[u8]) -> Vec<u32> {
     bytes.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word)).collect()
 }
 
-/// Those of some voxels that a mask has, if there are any.
+/// A mask's voxels among some, if there are any.
 fn mask(bytes: &[u8; MASK_BYTES as usize], within: &Bits) -> Option<VoxelMask> {
     let layer = |z: usize| u64::from_le_bytes(std::array::from_fn(|byte| bytes[8 * z + byte]));
     let words: Bits = std::array::from_fn(|z| layer(z) & within[z]);

@@ -49,17 +49,17 @@ fn unobserved(block: u32, row: u32) -> u32 {
     return bits;
 }
 
-/// The signs of `count` voxels from `x` on in a row of a block: those inside, and from bit 16 on those outside.
-fn signs(block: u32, row: u32, x: u32, count: u32) -> u32 {
+/// The signs of the first `count` voxels in a row of a block: those inside, and from bit 16 on those outside.
+fn signs(block: u32, row: u32, count: u32) -> u32 {
     if block == NO_BLOCK {
         return 0u;
     }
     let slot = bitcast<u32>(blocks[block].w);
-    let hidden = unobserved(block, row) >> x;
+    let hidden = unobserved(block, row);
     var bits = 0u;
     for (var i = 0u; i < count; i++) {
         if ((hidden >> i) & 1u) == 0u {
-            let sample = load_sample(slot, 8u * row + x + i);
+            let sample = load_sample(slot, 8u * row + i);
             bits |= select(0x10000u, 1u, sample < 0) << i;
         }
     }
@@ -82,8 +82,8 @@ fn crossed_cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroup
         let z = i / SIDE;
         let slot = 4u * (z >> 3u) + 2u * (y >> 3u);
         let row = (z & 7u) * 8u + (y & 7u);
-        let level = signs(octet[slot], row, 0u, 8u);
-        let after = signs(octet[slot + 1u], row, 0u, 1u);
+        let level = signs(octet[slot], row, 8u);
+        let after = signs(octet[slot + 1u], row, 1u);
         let bits = level | (after << 8u);
         inside[i] = bits & 0xffffu;
         outside[i] = bits >> 16u;

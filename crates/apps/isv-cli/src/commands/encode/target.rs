@@ -35,7 +35,7 @@ pub(super) struct TargetArgs {
     /// How decoders recover from lost packets [default: keyframes]
     #[arg(help_heading = "Quality and rate (profile main)", long, value_enum)]
     refresh: Option<RefreshName>,
-    /// How unobserved voxels are coded [default: cells]
+    /// How unobserved voxels are coded [default: cells, with --band full voxels]
     #[arg(help_heading = "Quality and rate (profile main)", long, value_enum)]
     masks: Option<MasksName>,
     /// For studies: tools to leave out, separated by commas

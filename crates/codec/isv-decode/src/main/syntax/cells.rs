@@ -1,8 +1,8 @@
-//! Which of the cells that the surface crosses are drawn, after the samples: what a stream says of its unobserved voxels where
-//! [`MaskCoding`](isv_format::MaskCoding) is by cell.
+//! Cells that the surface crosses and that are not drawn, after the samples. Streams whose
+//! [`MaskCoding`](isv_format::MaskCoding) is by cell say so what was not observed.
 //!
-//! A cell that is not drawn has a corner that was not observed. Which one does not matter to the surface: all of its corners
-//! count as unobserved that no drawn cell has.
+//! A cell that is not drawn has an unobserved corner. The surface does not depend on which. So all of its corners count as
+//! unobserved that no drawn cell has.
 
 use crate::ReferenceBlocks;
 use crate::main::cell_corners::{Bits, CellCorners, bits};
@@ -25,7 +25,7 @@ pub struct CellModels {
     pub block: [BitModel; 72],
     /// Whether a cell is not drawn, by the cells behind it: see [`CellContexts::cell`].
     pub by_behind: [BitModel; 135],
-    /// The same, by the cells around it.
+    /// Whether a cell is not drawn, by the cells around it.
     pub by_count: [BitModel; 245],
 }
 
@@ -37,10 +37,12 @@ impl Default for CellModels {
 }
 
 impl CellModels {
-    /// Reads which cells of a frame are not drawn, and gives the voxels of its unsettled blocks that are unobserved for it, by their
-    /// index in its extended volume. `sets`: its blocks. `cells`: those of
-    /// [`cells_at_unsettled`](crate::main::crossed_cells::cells_at_unsettled); asked for only if some are not drawn.
-    /// `reference`: the frame before.
+    /// Reads which cells of a frame are not drawn. Gives the masks of its unsettled blocks that follow, by block.
+    ///
+    /// - `frame`, `sets`: its extended volume's blocks, and what they are.
+    /// - `cells`: what [`cells_at_unsettled`](crate::main::crossed_cells::cells_at_unsettled) finds. Asked for only if some are
+    ///   not drawn.
+    /// - `reference`: the frame before.
     ///
     /// # Errors
     /// That of `cells`, a block of which all cells are drawn although it says otherwise, or bytes that end too early.
@@ -105,8 +107,7 @@ struct Known {
     undrawn: Rows,
 }
 
-/// What is known around a cell when it is coded: the cells around it that were coded before, and which voxels were unobserved there in
-/// the reference.
+/// What is known around a cell when it is coded. That are the cells that were coded before, and the reference's unobserved voxels.
 #[derive(Debug)]
 pub struct CellContexts<'a> {
     frame: ReferenceBlocks<'a>,
@@ -140,9 +141,10 @@ impl<'a> CellContexts<'a> {
         }
     }
 
-    /// Goes on to a block, by its index in the frame, and gives the context of its flag: how many of the blocks before it along the
-    /// axes and of those around it are known to have a cell that is not drawn, and whether the block at its place in the reference
-    /// has a mask.
+    /// Goes on to a block, by its index in the frame, and gives the context of its flag.
+    ///
+    /// It counts the blocks behind, and those around, where a cell begins that is known not to be drawn. It tells whether the
+    /// block at its place in the reference has a mask.
     #[must_use]
     pub fn turn_to(&mut self, block: u32) -> usize {
         self.block = block;
@@ -173,8 +175,8 @@ impl<'a> CellContexts<'a> {
         Some(&self.known[place as usize])
     }
 
-    /// The contexts of a cell of the block, by its lowest corner. In both the unobserved voxels of the reference are a part; with
-    /// them go what the cells behind it along x, y and z are, and how many cells around it are drawn and are not.
+    /// The contexts of a cell of the block, by its lowest corner. One has what the cells behind it along x, y and z are. The other
+    /// has how many cells around it are drawn, and how many are not. Both have what the reference says.
     #[must_use]
     pub fn cell(&self, voxel: usize) -> [usize; 2] {
         let [x, y, z] = [voxel & 7, voxel >> 3 & 7, voxel >> 6];
@@ -190,8 +192,15 @@ impl<'a> CellContexts<'a> {
         [27 * before + behind, 49 * before + 7 * drawn + undrawn]
     }
 
-    /// What the reference says of a cell: 0 no unobserved voxel around its lowest corner, nor among its corners; 1 one around; 2 at most
-    /// four corners unobserved; 3 more; 4 that there is no reference.
+    /// What the reference says of a cell.
+    ///
+    /// | | unobserved there |
+    /// |---|---|
+    /// | 0 | nothing |
+    /// | 1 | no corner of the cell, but a voxel around its lowest one |
+    /// | 2 | up to four corners |
+    /// | 3 | more corners |
+    /// | 4 | not known: there is no reference |
     fn before(&self, at: [usize; 3]) -> usize {
         if self.reference.is_none() {
             return 4;
