@@ -14,6 +14,15 @@ const TIME_LIMIT: Duration = Duration::from_secs(4 * 3600);
 /// A file by which the folder of configurations is known; the video encoder of displacements reads it.
 const CONFIGURATION: &str = "hm/displacements-ai.cfg";
 
+/// A grey picture of 1 pixel: the encoder reads a texture even if it is told to code none.
+const TEXTURE: &[u8] = &[
+    0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a, 0x00, 0x00, 0x00, 0x0d, 0x49, 0x48, 0x44, 0x52,
+    0x00, 0x00, 0x00, 0x01, 0x00, 0x00, 0x00, 0x01, 0x08, 0x02, 0x00, 0x00, 0x00, 0x90, 0x77, 0x53,
+    0xde, 0x00, 0x00, 0x00, 0x0c, 0x49, 0x44, 0x41, 0x54, 0x78, 0x9c, 0x63, 0x68, 0x68, 0x68, 0x00,
+    0x00, 0x03, 0x04, 0x01, 0x81, 0x4b, 0xd3, 0xd2, 0x10, 0x00, 0x00, 0x00, 0x00, 0x49, 0x45, 0x4e,
+    0x44, 0xae, 0x42, 0x60, 0x82,
+];
+
 /// Settings of a rate.
 struct Rate {
     /// Share of the triangles that the base mesh keeps.
@@ -77,7 +86,7 @@ impl Vdmc {
     }
 
     /// Encodes the meshes of a whole take, without normals and colours, in the all-intra condition at a rate of
-    /// [`Self::RATES`].
+    /// [`Self::RATES`]. The encoder always makes and codes texture coordinates: they have few bits, as nobody reads them.
     ///
     /// # Errors
     /// See [`ToolError`].
@@ -95,6 +104,7 @@ impl Vdmc {
                 TriangleMesh { vertices, normals: Vec::new(), triangles: mesh.triangles.clone(), appearance: None };
             write_mesh(&bench.path(&format!("mesh_{frame:04}.obj")), &on_lattice, Format::Obj)?;
         }
+        std::fs::write(bench.path("texture.png"), TEXTURE)?;
         let run = bench.run(&self.encoder, &self.encoder_arguments(frames.len(), rate), self.limit)?;
         let bytes = bench.read(&self.encoder, "take.vmesh")?;
         let cfg = self.configurations.display().to_string();
@@ -138,6 +148,7 @@ impl Vdmc {
         let largest = (1u32 << Self::POSITION_BITS) - 1;
         vec![
             "--srcMesh=mesh_%04d.obj".to_owned(),
+            "--srcTex=texture.png".to_owned(),
             "--compressed=take.vmesh".to_owned(),
             "--startFrameIndex=0".to_owned(),
             format!("--frameCount={frames}"),
@@ -149,7 +160,7 @@ impl Vdmc {
             format!("--target={target}"),
             format!("--liftingQP={lifting_qp}"),
             format!("--baseMeshPositionBitDepth={base_bits}"),
-            "--baseMeshTexCoordBitDepth=10".to_owned(),
+            "--baseMeshTexCoordBitDepth=2".to_owned(),
             "--ai_subdivIt=3".to_owned(),
             "--ai_sdeform=1".to_owned(),
             "--ai_unifyVertices=1".to_owned(),
@@ -157,13 +168,21 @@ impl Vdmc {
             "--ai_smoothMethod=1".to_owned(),
             "--encodeDisplacements=2".to_owned(),
             format!("--geometryVideoEncoderConfig={cfg}/{CONFIGURATION}"),
+            format!("--textureVideoEncoderConfig={cfg}/hm/texture-ai.cfg"),
             "--encodeTextureVideo=0".to_owned(),
         ]
     }
 }
 
-fn decoder_arguments() -> [String; 3] {
-    ["--compressed=take.vmesh", "--decMesh=decoded_%04d.obj", "--checksum=0"].map(str::to_owned)
+fn decoder_arguments() -> [String; 4] {
+    // Without the name of a texture the decoder fails once it has written the mesh.
+    [
+        "--compressed=take.vmesh",
+        "--decMesh=decoded_%04d.obj",
+        "--decTex=decoded_%04d.png",
+        "--checksum=0",
+    ]
+    .map(str::to_owned)
 }
 
 /// What the test conditions set for the capture of a dancer at each rate.

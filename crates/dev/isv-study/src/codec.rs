@@ -149,7 +149,7 @@ const BITS_BEYOND_A_VOXEL: [i32; POINTS] = [3, 2, 1, 0, -1];
 const POINT_BITS_BEYOND_A_VOXEL: i32 = 2;
 
 /// Nodes of trisoup: bits beyond those of [`POINT_BITS_BEYOND_A_VOXEL`], and the edge of a node in voxels as a power of two.
-const NODES: [(i32, u8); POINTS] = [(1, 2), (0, 2), (0, 3), (0, 4), (0, 5)];
+const NODES: [(i32, u8); POINTS] = [(1, 2), (1, 3), (1, 4), (0, 4), (0, 5)];
 
 impl Codec {
     /// All of them, in the order of legends and tables.
@@ -228,10 +228,11 @@ impl Codec {
                 format!("quadric simplification to {faces_percent} % of the faces, then Draco, every frame alone")
             }
             Self::Gltfpack { faces_percent: 100 } => {
-                "meshoptimizer's gltfpack (KHR_mesh_quantization and meshopt compression), every frame alone".to_owned()
+                "meshoptimizer's gltfpack (KHR_mesh_quantization and meshopt compression), then gzip, every frame alone"
+                    .to_owned()
             }
             Self::Gltfpack { faces_percent } => {
-                format!("quadric simplification to {faces_percent} % of the faces, then gltfpack, every frame alone")
+                format!("quadric simplification to {faces_percent} % of the faces, then gltfpack and gzip, every frame alone")
             }
             Self::Tmc13(PointGeometry::Octree) => {
                 "MPEG G-PCC (TMC13), octree: the voxels that the surface passes through, coded without loss, every frame alone"
@@ -367,7 +368,7 @@ mod tests {
         assert_eq!(names("tang-scene", 2), "k64-step2.5mm k64-step40mm");
         assert_eq!(names("draco", 3), "11-bit 9-bit 7-bit");
         assert_eq!(names("tmc13-octree", 3), "11-bit 9-bit 7-bit");
-        let nodes = "11-bit-node4 10-bit-node4 10-bit-node8 10-bit-node16 10-bit-node32";
+        let nodes = "11-bit-node4 11-bit-node8 11-bit-node16 10-bit-node16 10-bit-node32";
         assert_eq!(names("tmc13-trisoup", 5), nodes);
         assert_eq!(names("tmc2", 3), "10-bit-r5 10-bit-r3 10-bit-r1");
         assert_eq!(names("draco-25", 9), "11-bit 10-bit 9-bit 8-bit 7-bit");
