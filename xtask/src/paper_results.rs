@@ -72,7 +72,8 @@ fn measure_at(
 ) -> Result<Record> {
     let codec: Codec = codec.parse()?;
     let point = OperatingPoint::Steps { coefficients: 48, dc_step_m, ac_step_m };
-    let subject = Subject::prepare(codec, take, &[], settings, &Tools::default())?.context("isv needs no program")?;
+    let subject =
+        Subject::prepare(codec, take, &[], settings, &Tools::default())?.context("isv needs no program")?;
     Ok(subject.measure(point, &mut || ())?.record)
 }
 

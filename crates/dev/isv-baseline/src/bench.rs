@@ -51,8 +51,7 @@ impl Bench {
         arguments: &[String],
         limit: Duration,
     ) -> Result<ToolRun<()>, ToolError> {
-        let ProgramRun { ms, peak_memory_bytes, .. } =
-            run_in(self.folder.path(), program, arguments, limit)?;
+        let ProgramRun { ms, peak_memory_bytes, .. } = run_in(self.folder.path(), program, arguments, limit)?;
         Ok(ToolRun { output: (), ms, peak_memory_bytes, command: command_line(program, arguments) })
     }
 

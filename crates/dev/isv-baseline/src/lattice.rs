@@ -40,9 +40,11 @@ impl Lattice {
     /// [`ToolError::Mesh`] for a mesh that cannot be worked with, [`ToolError::TooManySamples`] for a lattice that is too fine.
     pub fn voxels(&self, mesh: &TriangleMesh) -> Result<Vec<[i32; 3]>, ToolError> {
         mesh.validate()?;
-        let corners = |triangle: &[u32; 3]| triangle.map(|v| (mesh.vertices[v as usize] - self.origin) / self.step_m);
+        let corners =
+            |triangle: &[u32; 3]| triangle.map(|v| (mesh.vertices[v as usize] - self.origin) / self.step_m);
         let samples: f64 = mesh.triangles.iter().map(|t| samples_of(&corners(t))).sum();
-        let farthest = mesh.vertices.iter().map(|v| (*v - self.origin).abs().max_element()).fold(0.0, f64::max);
+        let farthest =
+            mesh.vertices.iter().map(|v| (*v - self.origin).abs().max_element()).fold(0.0, f64::max);
         if samples > MOST_SAMPLES || farthest / self.step_m > MOST_STEPS {
             return Err(ToolError::TooManySamples { samples, step_m: self.step_m, limit: MOST_SAMPLES });
         }
@@ -114,7 +116,8 @@ mod tests {
 
     #[test]
     fn a_lattice_that_is_too_fine_is_refused() {
-        let error = Lattice { origin: DVec3::ZERO, step_m: 1e-7 }.voxels(&isv_testkit::cube(1.0)).unwrap_err();
+        let error =
+            Lattice { origin: DVec3::ZERO, step_m: 1e-7 }.voxels(&isv_testkit::cube(1.0)).unwrap_err();
         assert!(matches!(error, ToolError::TooManySamples { .. }), "{error}");
     }
 }

@@ -1,8 +1,8 @@
 //! TMC13, the test model of MPEG's G-PCC, run as a program the way its test conditions run it.
 
+use crate::ToolError;
 use crate::bench::{Bench, ToolRun, command_line};
 use crate::tools::{ToolVersion, Tools};
-use crate::ToolError;
 use isv_volume::PointCloud;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -93,7 +93,8 @@ impl Tmc13 {
 }
 
 fn decoder_arguments() -> [String; 3] {
-    ["--mode=1", "--compressedStreamPath=points.bin", "--reconstructedDataPath=decoded.ply"].map(str::to_owned)
+    ["--mode=1", "--compressedStreamPath=points.bin", "--reconstructedDataPath=decoded.ply"]
+        .map(str::to_owned)
 }
 
 fn encoder_arguments(geometry: Tmc13Geometry) -> Vec<String> {

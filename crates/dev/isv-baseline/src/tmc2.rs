@@ -64,7 +64,12 @@ impl Tmc2 {
     ///
     /// # Errors
     /// See [`ToolError`].
-    pub fn encode(&self, frames: &[Vec<[i32; 3]>], bits: u8, rate: u8) -> Result<ToolRun<Vec<u8>>, ToolError> {
+    pub fn encode(
+        &self,
+        frames: &[Vec<[i32; 3]>],
+        bits: u8,
+        rate: u8,
+    ) -> Result<ToolRun<Vec<u8>>, ToolError> {
         let bench = Bench::new()?;
         for (frame, voxels) in frames.iter().enumerate() {
             bench.write_voxels(&format!("points_{frame:04}.ply"), voxels, Some(GREY))?;

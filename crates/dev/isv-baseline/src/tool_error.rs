@@ -32,7 +32,9 @@ pub enum ToolError {
     #[error("the mesh to encode has {0}")]
     Mesh(#[from] MeshError),
     /// A surface that takes too many points at the density asked for.
-    #[error("the surface takes {samples:.0} samples at a step of {step_m} m, the limit is {limit:.0}; use fewer bits")]
+    #[error(
+        "the surface takes {samples:.0} samples at a step of {step_m} m, the limit is {limit:.0}; use fewer bits"
+    )]
     TooManySamples {
         /// Samples that it takes.
         samples: f64,

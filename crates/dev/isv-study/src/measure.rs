@@ -1,8 +1,8 @@
 //! Encode, decode, compare: one codec at one point.
 
+use crate::codec::PointGeometry;
 use crate::memory::{peak_bytes, reset_peak};
 use crate::record::Timing;
-use crate::codec::PointGeometry;
 use crate::session::{
     DracoEncoding, Encoding, GltfpackEncoding, IsvEncoding, Memory, Stream, TangEncoding, Tmc2Encoding,
     Tmc13Encoding, VdmcEncoding,
@@ -110,7 +110,8 @@ impl<'a> Subject<'a> {
         settings: &'a StudySettings,
         tools: &Tools,
     ) -> Result<Option<Self>, StudyError> {
-        let basis = |takes: &[&dyn Take]| Ok::<_, StudyError>(Needed::Basis(Box::new(train(takes, settings)?)));
+        let basis =
+            |takes: &[&dyn Take]| Ok::<_, StudyError>(Needed::Basis(Box::new(train(takes, settings)?)));
         let needed = match codec {
             Codec::Paper(_) | Codec::Main(_) => Some(Needed::Nothing),
             Codec::Tang(Training::Scene) => Some(basis(&[take])?),
@@ -144,11 +145,9 @@ impl<'a> Subject<'a> {
             (Codec::Main(preset), OperatingPoint::Step { step_m }, _) => {
                 Box::new(IsvEncoding::main(preset, step_m, self.take.frame_rate(), settings)?)
             }
-            (
-                Codec::Tang(_),
-                OperatingPoint::UniformStep { coefficients, step_m },
-                Needed::Basis(basis),
-            ) => Box::new(TangEncoding::new(basis, coefficients, step_m, settings)?),
+            (Codec::Tang(_), OperatingPoint::UniformStep { coefficients, step_m }, Needed::Basis(basis)) => {
+                Box::new(TangEncoding::new(basis, coefficients, step_m, settings)?)
+            }
             (Codec::Draco { faces_percent }, OperatingPoint::PositionBits(bits), Needed::Draco(draco)) => {
                 Box::new(DracoEncoding::new(draco, faces_percent, bits, first))
             }

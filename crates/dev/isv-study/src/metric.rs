@@ -25,14 +25,8 @@ pub enum Metric {
 
 impl Metric {
     /// Measures of geometry, the one that says most first.
-    pub const ALL: [Self; 6] = [
-        Self::PointToSurface,
-        Self::DecodedToSource,
-        Self::Chamfer,
-        Self::NormalError,
-        Self::D1,
-        Self::D2,
-    ];
+    pub const ALL: [Self; 6] =
+        [Self::PointToSurface, Self::DecodedToSource, Self::Chamfer, Self::NormalError, Self::D1, Self::D2];
 
     /// Measures of colour, for codecs and captures that have any.
     pub const COLOUR: [Self; 2] = [Self::ColourY, Self::RenderY];

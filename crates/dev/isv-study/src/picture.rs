@@ -145,7 +145,10 @@ fn lattice_step(points: &PointCloud) -> Option<f64> {
     let along = |axis: usize| {
         let mut all: Vec<f64> = points.positions.iter().map(|p| p[axis]).collect();
         all.sort_by(f64::total_cmp);
-        all.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > LEAST_STEP_M).min_by(f64::total_cmp)
+        all.windows(2)
+            .map(|pair| pair[1] - pair[0])
+            .filter(|step| *step > LEAST_STEP_M)
+            .min_by(f64::total_cmp)
     };
     (0..3).filter_map(along).min_by(f64::total_cmp)
 }
@@ -193,7 +196,9 @@ impl PictureSetup {
         original: &Bvh,
     ) -> Result<CodecPicture, StudyError> {
         let both = record.value(Metric::PointToSurface).map(|mm| format!(", {mm:.2} mm"));
-        let one = || Some(format!(", {:.2} mm from its points to the source", record.value(Metric::DecodedToSource)?));
+        let one = || {
+            Some(format!(", {:.2} mm from its points to the source", record.value(Metric::DecodedToSource)?))
+        };
         let distance = both.or_else(one).unwrap_or_default();
         Ok(CodecPicture {
             codec: Some(record.codec.clone()),

@@ -130,8 +130,12 @@ impl Report {
     /// What readers must know of the programs of other codecs, each thing once.
     #[must_use]
     pub fn program_notes(&self) -> Vec<&str> {
-        let mut notes: Vec<_> =
-            self.records.iter().flat_map(|record| &record.programs).filter_map(|p| p.note.as_deref()).collect();
+        let mut notes: Vec<_> = self
+            .records
+            .iter()
+            .flat_map(|record| &record.programs)
+            .filter_map(|p| p.note.as_deref())
+            .collect();
         notes.sort_unstable();
         notes.dedup();
         notes

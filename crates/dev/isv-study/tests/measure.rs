@@ -73,7 +73,9 @@ fn codec(name: &str) -> Codec {
 /// Measures `count` points of a codec; none if it is not installed.
 fn measure_points(name: &str, take: &Meshes, count: usize) -> Option<Vec<Measured>> {
     let (training, settings) = (Meshes::figure(1), settings());
-    let Some(subject) = Subject::prepare(codec(name), take, &[&training], &settings, &Tools::default()).unwrap() else {
+    let Some(subject) =
+        Subject::prepare(codec(name), take, &[&training], &settings, &Tools::default()).unwrap()
+    else {
         let need = if name.starts_with("draco") { Need::Draco } else { Need::OtherCodecs };
         skip(need, format!("the programs of {name} are not installed"));
         return None;
@@ -177,7 +179,8 @@ fn simplified_meshes_have_fewer_faces() {
 #[test]
 fn each_frame_is_a_step_of_both_passes() {
     let (take, settings) = (Meshes::figure(3), settings());
-    let subject = Subject::prepare(codec("paper-zero"), &take, &[], &settings, &Tools::default()).unwrap().unwrap();
+    let subject =
+        Subject::prepare(codec("paper-zero"), &take, &[], &settings, &Tools::default()).unwrap().unwrap();
     let mut steps = 0;
     subject.measure(subject.points(1)[0], &mut || steps += 1).unwrap();
     assert_eq!(steps, 6);
@@ -193,7 +196,8 @@ fn what_stands_in_the_way_is_said() {
 
     let fails = |second| {
         let take = Meshes(vec![Meshes::figure(1).0.remove(0), second]);
-        let subject = Subject::prepare(codec("paper-zero"), &take, &[], &settings, &Tools::default()).unwrap().unwrap();
+        let subject =
+            Subject::prepare(codec("paper-zero"), &take, &[], &settings, &Tools::default()).unwrap().unwrap();
         let point = OperatingPoint::Steps { coefficients: 64, dc_step_m: 0.001, ac_step_m: 0.01 };
         subject.measure(point, &mut || ()).err().unwrap().to_string()
     };

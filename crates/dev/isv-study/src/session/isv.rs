@@ -184,7 +184,12 @@ impl Stream for IsvStream {
                 Ok::<_, DecodeError>(mesh)
             });
             Some(
-                mesh.map(|mesh| DecodedFrame { shape: Geometry::Mesh(mesh), ms, memory: Memory::OfThisProcess }).map_err(Into::into),
+                mesh.map(|mesh| DecodedFrame {
+                    shape: Geometry::Mesh(mesh),
+                    ms,
+                    memory: Memory::OfThisProcess,
+                })
+                .map_err(Into::into),
             )
         })))
     }

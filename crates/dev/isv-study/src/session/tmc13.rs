@@ -30,9 +30,8 @@ impl Encoding for Tmc13Encoding {
         let frame = self.first_frame + self.frames.len();
         let failed = |cause| StudyError::Tool { frame, cause };
         let bits = self.bits;
-        let lattice = self
-            .lattice
-            .get_or_insert_with(|| Lattice::spanning(mesh.bounds().unwrap_or_default(), bits));
+        let lattice =
+            self.lattice.get_or_insert_with(|| Lattice::spanning(mesh.bounds().unwrap_or_default(), bits));
         let (voxels, prepare_ms) = timed(|| lattice.voxels(mesh));
         let run = self.tmc13.encode(&voxels.map_err(failed)?, self.geometry).map_err(failed)?;
         // The first frame brings the lattice.

@@ -40,8 +40,7 @@ impl Encoding for Tmc2Encoding {
         let lattice = Lattice::spanning(self.bounds(), self.bits);
         let voxels = self.meshes.iter().map(|mesh| lattice.voxels(mesh)).collect::<Result<Vec<_>, _>>()?;
         let run = self.tmc2.encode(&voxels, self.bits, self.rate)?;
-        let encoding =
-            WholeTake { encode_ms: run.ms, memory: Memory::OfAProgram(run.peak_memory_bytes) };
+        let encoding = WholeTake { encode_ms: run.ms, memory: Memory::OfAProgram(run.peak_memory_bytes) };
         Ok(Box::new(Tmc2Stream {
             tmc2: self.tmc2,
             lattice,
@@ -86,8 +85,7 @@ impl Stream for Tmc2Stream {
         _colour: bool,
     ) -> Result<Box<dyn Iterator<Item = Result<DecodedFrame, StudyError>> + '_>, StudyError> {
         let run = self.tmc2.decode(&self.bytes, self.frames)?;
-        let (ms, memory) =
-            (run.ms / self.frames.max(1) as f64, Memory::OfAProgram(run.peak_memory_bytes));
+        let (ms, memory) = (run.ms / self.frames.max(1) as f64, Memory::OfAProgram(run.peak_memory_bytes));
         Ok(Box::new(run.output.into_iter().map(move |points| {
             let shape = Geometry::Points(self.lattice.placed(points));
             Ok(DecodedFrame { shape, ms, memory })

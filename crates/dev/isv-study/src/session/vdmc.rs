@@ -38,8 +38,7 @@ impl Encoding for VdmcEncoding {
     fn finish(self: Box<Self>) -> Result<Box<dyn Stream>, StudyError> {
         let lattice = Vdmc::lattice(self.bounds());
         let run = self.vdmc.encode(&self.meshes, &lattice, self.rate)?;
-        let encoding =
-            WholeTake { encode_ms: run.ms, memory: Memory::OfAProgram(run.peak_memory_bytes) };
+        let encoding = WholeTake { encode_ms: run.ms, memory: Memory::OfAProgram(run.peak_memory_bytes) };
         Ok(Box::new(VdmcStream {
             vdmc: self.vdmc,
             lattice,
@@ -84,8 +83,7 @@ impl Stream for VdmcStream {
         _colour: bool,
     ) -> Result<Box<dyn Iterator<Item = Result<DecodedFrame, StudyError>> + '_>, StudyError> {
         let run = self.vdmc.decode(&self.bytes, &self.lattice, self.frames)?;
-        let (ms, memory) =
-            (run.ms / self.frames.max(1) as f64, Memory::OfAProgram(run.peak_memory_bytes));
+        let (ms, memory) = (run.ms / self.frames.max(1) as f64, Memory::OfAProgram(run.peak_memory_bytes));
         Ok(Box::new(run.output.into_iter().map(move |mesh| {
             let shape = Geometry::Mesh(mesh);
             Ok(DecodedFrame { shape, ms, memory })
