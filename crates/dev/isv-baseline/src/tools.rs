@@ -1,4 +1,4 @@
-//! Where the programs of other codecs are.
+//! Paths and versions of the programs of other codecs.
 
 use crate::ToolError;
 use crate::program::{find_program, is_executable, words_of};

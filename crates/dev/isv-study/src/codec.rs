@@ -90,7 +90,7 @@ pub enum OperatingPoint {
     TestRate {
         /// Bits of a coordinate of what the codec is given.
         bits: u8,
-        /// Its number: 1 is the coarsest.
+        /// Number of the rate: 1 is the coarsest.
         rate: u8,
     },
 }

@@ -56,7 +56,7 @@ pub struct Record {
 /// A program of another codec, as it was run for a record.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ProgramUse {
-    /// Its version, as it says; empty if it does not say.
+    /// Version that it states; empty if it states none.
     pub version: String,
     /// The command line. Files are named without their folder.
     pub command: String,

@@ -37,8 +37,8 @@ pub struct DeltaRow {
 /// Names and colours of the parts of a stream, in the order of [`crate::BytesByKind::named`].
 const KIND_COLOURS: [&str; 7] = ["#54778f", "#a7bccb", "#d1603d", "#e5b53b", "#3a8f6b", "#9a9a9a", "#8b5fbf"];
 
-/// Colours of codecs by family: isv's paper profile blue and violet, its main profile crimson, trained transforms green, Draco from dark red to yellow,
-/// gltfpack brown, MPEG's codecs in teal, black and olive.
+/// Colours of codecs by family. isv's paper profile is blue and violet, its main profile crimson, trained transforms green.
+/// Draco goes from dark red to yellow, gltfpack is brown, MPEG's codecs are teal, black and olive.
 const CODEC_COLOURS: [(&str, &str); 21] = [
     ("paper-intra", "#8fb8de"),
     ("paper-zero", "#5b8fc7"),

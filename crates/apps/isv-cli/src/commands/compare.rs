@@ -63,7 +63,7 @@ pub(crate) struct Args {
     /// (MPEG V-DMC). A codec without its programs is left out with a note.
     #[arg(help_heading = "Codecs", long, value_name = "NAME,..", value_delimiter = ',')]
     codecs: Vec<Codec>,
-    /// Where another codec's program is [default: on the PATH]
+    /// Path of another codec's program [default: found on the PATH]
     ///
     /// May be given several times. Names are draco_encoder, draco_decoder, gltfpack, tmc3, PccAppEncoder, PccAppDecoder,
     /// encode and decode (V-DMC). TMC2 and V-DMC need the folder cfg of their source beside the program or up to 3 folders
