@@ -109,9 +109,9 @@ mod tests {
         let placed = lattice.placed(PointCloud { positions: on_lattice, ..PointCloud::default() });
         let half_diagonal = 0.5 * lattice.step_m * 3f64.sqrt();
         assert!(placed.positions.iter().all(|p| surface.distance(*p) <= half_diagonal * 1.0001));
-        // A sphere of radius 31.5 passes through about 1.5 voxels to a square of surface.
+        // A sphere passes through 1.5 voxels to a square of surface; those of which samples miss a corner are fewer.
         let squares = mesh.area() / lattice.step_m.powi(2);
-        assert!((1.3..1.7).contains(&(voxels.len() as f64 / squares)), "{} of {squares}", voxels.len());
+        assert!((1.2..1.5).contains(&(voxels.len() as f64 / squares)), "{} of {squares}", voxels.len());
     }
 
     #[test]
