@@ -94,7 +94,7 @@ impl Bench {
     fn read_file(&self, program: &Path, name: &str) -> Result<Geometry, ToolError> {
         let path = self.path(name);
         check_output(program, &path)?;
-        let unreadable = |cause| ToolError::Read { program: program.to_owned(), cause };
+        let unreadable = |cause| ToolError::Read { program: program.to_owned(), cause: Box::new(cause) };
         read_geometry(&path, Unit::Metre).map_err(unreadable)
     }
 }

@@ -58,7 +58,7 @@ pub enum ToolError {
         /// The program.
         program: PathBuf,
         /// What is wrong with it.
-        cause: ReadError,
+        cause: Box<ReadError>,
     },
     /// The program wrote a shape of another kind.
     #[error("{}: its output is not {expected}", program.display())]
