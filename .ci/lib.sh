@@ -69,6 +69,7 @@ require_what_is_here() {
     [ ! -d "${ISV_DATA:-../shared/data}" ] || ISV_REQUIRE+=,captures
     ! has_vulkan || ISV_REQUIRE+=,gpu
     ! command -v draco_encoder >/dev/null || ISV_REQUIRE+=,draco
+    ! { command -v tmc3 && command -v gltfpack; } >/dev/null || ISV_REQUIRE+=,other-codecs
     ! target/venv/bin/python -c 'import pxr' 2>/dev/null || ISV_REQUIRE+=,usd
     ! { command -v ffprobe && command -v mediainfo; } >/dev/null || ISV_REQUIRE+=,media
     export ISV_REQUIRE ISV_PYTHON=$PWD/target/venv/bin/python

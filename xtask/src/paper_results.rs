@@ -9,7 +9,7 @@ use anyhow::{Context, Result};
 use isv::raw::ingest::{MeshIngest, SignMode};
 use isv::raw::metrics::CompareOptions;
 use isv::raw::volume::{BlockEdge, Grid, Truncation, VoxelSize};
-use isv_study::{Chart, Codec, OperatingPoint, Record, StudySettings, Subject, Take};
+use isv_study::{Chart, Codec, OperatingPoint, Record, StudySettings, Subject, Take, Tools};
 use std::fs;
 use std::path::Path;
 
@@ -72,7 +72,8 @@ fn measure_at(
 ) -> Result<Record> {
     let codec: Codec = codec.parse()?;
     let point = OperatingPoint::Steps { coefficients: 48, dc_step_m, ac_step_m };
-    let subject = Subject::prepare(codec, take, &[], settings)?.context("isv needs no program")?;
+    let subject =
+        Subject::prepare(codec, take, &[], settings, &Tools::default())?.context("isv needs no program")?;
     Ok(subject.measure(point, &mut || ())?.record)
 }
 

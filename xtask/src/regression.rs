@@ -5,7 +5,7 @@ use anyhow::{Context, Result, bail};
 use isv::raw::ingest::MeshIngest;
 use isv::raw::metrics::CompareOptions;
 use isv::raw::volume::{BlockEdge, Grid, Truncation, VoxelSize};
-use isv_study::{Codec, Metric, OperatingPoint, StudySettings, Subject, Take};
+use isv_study::{Codec, Metric, OperatingPoint, StudySettings, Subject, Take, Tools};
 use isv_testkit::{Need, skip};
 use std::fmt::Write;
 use std::path::Path;
@@ -134,7 +134,8 @@ fn measure_row(take: &dyn Take, codec: &str, voxel_m: f64, spacing_m: f64) -> Re
     let settings =
         StudySettings { ingest: MeshIngest::new(grid), gop: 30, compare, picture_frame: 0, first_frame: 0 };
     let codec: Codec = codec.parse()?;
-    let subject = Subject::prepare(codec, take, &[], &settings)?.context("isv needs no program")?;
+    let subject =
+        Subject::prepare(codec, take, &[], &settings, &Tools::default())?.context("isv needs no program")?;
     let point = match codec {
         Codec::Main(_) => OperatingPoint::Step { step_m: 2.2 * voxel_m },
         _ => OperatingPoint::Steps { coefficients: 64, dc_step_m: 0.2 * voxel_m, ac_step_m: 2.0 * voxel_m },

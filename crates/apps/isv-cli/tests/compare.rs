@@ -240,3 +240,80 @@ fn a_real_capture_is_studied() {
     println!("3-DoF against intra, two frames of thomas: {percent} %");
     assert!(percent < -10.0, "{saving}");
 }
+
+/// A stand-in for `tmc3` that says its version and then does what a script says.
+#[cfg(unix)]
+fn write_stand_in(workspace: &Workspace, name: &str, script: &str) {
+    use std::os::unix::fs::PermissionsExt;
+    let version = "case $1 in --help) echo MPEG PCC tmc3 version release-v99.0; exit;; esac";
+    workspace.write(name, &format!("#!/bin/sh\n{version}\n{script}\n"));
+    fs::set_permissions(workspace.path(name), fs::Permissions::from_mode(0o755)).unwrap();
+}
+
+/// Points that come back as they went in.
+#[cfg(unix)]
+#[test]
+fn programs_of_others_are_named_with_version_and_command_line() {
+    let workspace = Workspace::with_figure(2);
+    write_stand_in(
+        &workspace,
+        "tmc3",
+        "case $1 in --mode=0) cp points.ply points.bin;; *) cp points.bin decoded.ply;; esac",
+    );
+    let run = workspace.isv(&compare("paper-zero,tmc13-octree", &["--tool=tmc3=tmc3"])).done();
+    let said = String::from_utf8_lossy(run.stdout()).into_owned();
+    assert!(said.contains("tmc13-octree"), "{said}");
+    assert_eq!(rows(&workspace).len(), 4);
+    let programs = String::from_utf8(workspace.read("study/programs.csv")).unwrap();
+    assert!(programs.contains("tmc13-octree,9-bit,release-v99.0,\"tmc3 --mode=0 "), "{programs}");
+    // Points have one direction of distance alone.
+    let table = String::from_utf8(workspace.read("study/results.csv")).unwrap();
+    let columns: Vec<_> = table.lines().next().unwrap().split(',').collect();
+    let row: Vec<_> = table.lines().find(|line| line.starts_with("tmc13")).unwrap().split(',').collect();
+    let cell = |name| row[columns.iter().position(|column| *column == name).unwrap()];
+    assert!(cell("p2s_mean_mm").is_empty() && cell("area_ratio").is_empty(), "{table}");
+    assert!(cell("test_to_ref_mean_mm").parse::<f64>().unwrap() > 0.0, "{table}");
+    assert!(!cell("d2_psnr_db").is_empty(), "{table}");
+    let page = String::from_utf8(workspace.read("study/index.html")).unwrap();
+    for words in [
+        "tmc3 is version release-v99.0; isv's settings are tested with 23.0",
+        "programs.csv",
+        "Decoded points to source",
+    ] {
+        assert!(page.contains(words), "{words}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn programs_of_others_that_misbehave_are_notes() {
+    let workspace = Workspace::with_figure(1);
+    write_stand_in(&workspace, "crash", "echo too many points; kill -SEGV $$");
+    write_stand_in(&workspace, "hang", "exec sleep 600");
+    write_stand_in(&workspace, "noise", "echo noise > points.bin; echo noise > decoded.ply");
+    workspace.write("other", "#!/bin/sh\necho usage: other FILE\n");
+    fs::copy(workspace.path("other"), workspace.path("none")).unwrap();
+    use std::os::unix::fs::PermissionsExt;
+    fs::set_permissions(workspace.path("other"), fs::Permissions::from_mode(0o755)).unwrap();
+    for (program, words) in [
+        ("crash", "too many points"),
+        ("hang", "was ended as it took more than 1 s"),
+        ("noise", "its output cannot be read"),
+        ("other", "does not call itself \"MPEG PCC tmc3 version\""),
+    ] {
+        let tool = format!("--tool=tmc3={program}");
+        let more = [&tool[..], "--tool-limit=1"];
+        let run = workspace.isv(&compare("paper-zero,tmc13-octree", &more)).done();
+        assert!(
+            run.stderr().contains("tmc13-octree at 9-bit: ") && run.stderr().contains(words),
+            "{}",
+            run.stderr()
+        );
+        assert!(rows(&workspace).iter().all(|row| row.starts_with("paper-zero")));
+    }
+    workspace
+        .isv(&compare("tmc13-octree", &["--tool=tmc3=none"]))
+        .fails(2, &["none", "not an executable file"]);
+    workspace.isv(&compare("tmc13-octree", &["--tool=tmc9=other"])).fails(2, &["\"tmc9\"", "tmc3"]);
+    workspace.isv(&compare("tmc13-octree", &["--tool=tmc3"])).fails(2, &["--tool"]);
+}

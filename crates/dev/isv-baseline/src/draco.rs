@@ -1,6 +1,7 @@
 //! Draco, the mesh codec, run as a program the way a user runs it.
 
-use crate::program::{ProgramError, ProgramRun, check_output, find_program, run};
+use crate::program::{ProgramError, ProgramRun, check_output, run};
+use crate::tools::Tools;
 use isv_io::{Format, ReadError, Unit, WriteError, read_mesh, write_mesh};
 use isv_volume::{MeshError, TriangleMesh};
 use std::borrow::Cow;
@@ -49,22 +50,42 @@ pub enum DracoError {
 pub struct Draco {
     encoder: PathBuf,
     decoder: PathBuf,
+    limit: Duration,
 }
 
 impl Draco {
+    /// Names of the programs.
+    pub const PROGRAMS: [&str; 2] = ["draco_encoder", "draco_decoder"];
+
     /// Bits of a position's component that the encoder takes.
     pub const POSITION_BITS: RangeInclusive<u8> = 1..=30;
 
     /// The programs, if both are on the `PATH`.
     #[must_use]
     pub fn find() -> Option<Self> {
-        Some(Self { encoder: find_program("draco_encoder")?, decoder: find_program("draco_decoder")? })
+        Self::find_in(&Tools::default())
+    }
+
+    /// The programs, if both are there.
+    #[must_use]
+    pub fn find_in(tools: &Tools) -> Option<Self> {
+        let [encoder, decoder] = Self::PROGRAMS.map(|name| tools.find(name));
+        Some(Self { encoder: encoder?, decoder: decoder?, limit: tools.limit(TIME_LIMIT) })
     }
 
     /// The two programs.
     #[must_use]
     pub fn programs(&self) -> [&Path; 2] {
         [&self.encoder, &self.decoder]
+    }
+
+    /// Command lines of encoder and decoder, with the names of files for their paths.
+    #[must_use]
+    pub fn commands(position_bits: u8) -> [String; 2] {
+        [
+            format!("draco_encoder -qp {position_bits} -cl {COMPRESSION_LEVEL} -i mesh.ply -o mesh.drc"),
+            "draco_decoder -i mesh.drc -o mesh.ply".to_owned(),
+        ]
     }
 
     /// Encodes positions and triangles, not normals, at compression level 10. Positions are handed over in metres, rounded
@@ -88,7 +109,7 @@ impl Draco {
         let [bits, level] = [bits, level].map(|number| number.to_string());
         let flags = ["-qp", &bits, "-cl", &level, "-i"].map(OsStr::new);
         let arguments = [&flags[..], &[input.as_ref(), "-o".as_ref(), output.as_ref()]].concat();
-        let ProgramRun { ms, peak_memory_bytes, .. } = run(&self.encoder, &arguments, &log, TIME_LIMIT)?;
+        let ProgramRun { ms, peak_memory_bytes, .. } = run(&self.encoder, &arguments, &log, self.limit)?;
         check_output(&self.encoder, &output)?;
         let output = std::fs::read(output)?;
         folder.close()?;
@@ -104,7 +125,7 @@ impl Draco {
         let [input, output, log] = ["mesh.drc", "mesh.ply", "log"].map(|name| folder.path().join(name));
         std::fs::write(&input, bytes)?;
         let arguments = ["-i".as_ref(), input.as_os_str(), "-o".as_ref(), output.as_os_str()];
-        let ProgramRun { ms, peak_memory_bytes, .. } = run(&self.decoder, &arguments, &log, TIME_LIMIT)?;
+        let ProgramRun { ms, peak_memory_bytes, .. } = run(&self.decoder, &arguments, &log, self.limit)?;
         check_output(&self.decoder, &output)?;
         let output = read_mesh(&output, Unit::Metre)?;
         folder.close()?;

@@ -2,7 +2,7 @@
 
 use std::ffi::OsStr;
 use std::fs::File;
-use std::io::{self, Read};
+use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
@@ -49,7 +49,7 @@ pub enum ProgramError {
         program: PathBuf,
         /// How it ended.
         status: ExitStatus,
-        /// What it wrote to its outputs, the first two thousand bytes on one line.
+        /// What it wrote to its outputs, on one line; of more than 2000 bytes the first and the last 1000.
         words: String,
     },
     /// It ended well, but without the file that it was to write, or with one beyond all reason.
@@ -79,13 +79,13 @@ pub(crate) fn find_program(name: &str) -> Option<PathBuf> {
 }
 
 #[cfg(unix)]
-fn is_executable(path: &Path) -> bool {
+pub(crate) fn is_executable(path: &Path) -> bool {
     use std::os::unix::fs::PermissionsExt;
     std::fs::metadata(path).is_ok_and(|data| data.is_file() && data.permissions().mode() & 0o111 != 0)
 }
 
 #[cfg(not(unix))]
-fn is_executable(path: &Path) -> bool {
+pub(crate) fn is_executable(path: &Path) -> bool {
     path.is_file()
 }
 
@@ -97,12 +97,51 @@ pub(crate) fn run(
     log: &Path,
     limit: Duration,
 ) -> Result<ProgramRun<()>, ProgramError> {
+    let mut command = Command::new(program);
+    command.args(arguments);
+    run_command(program, command, log, limit)
+}
+
+/// Runs a program as [`run`] does, in a folder: its arguments may name files there. The program's own path is absolute.
+pub(crate) fn run_in(
+    folder: &Path,
+    program: &Path,
+    arguments: &[String],
+    limit: Duration,
+) -> Result<ProgramRun<()>, ProgramError> {
+    let mut command = Command::new(program);
+    command.args(arguments).current_dir(folder);
+    run_command(program, command, &folder.join(LOG), limit)
+}
+
+/// What a program says when it is run with some arguments, however it ends.
+pub(crate) fn words_of(
+    program: &Path,
+    arguments: &[String],
+    limit: Duration,
+) -> Result<String, ProgramError> {
+    let failed_to_run = |source| ProgramError::Run { program: program.into(), source };
+    let folder = tempfile::tempdir().map_err(failed_to_run)?;
+    match run_in(folder.path(), program, arguments, limit) {
+        Ok(_) | Err(ProgramError::Failed { .. }) => Ok(read_words(&folder.path().join(LOG))),
+        Err(error) => Err(error),
+    }
+}
+
+/// Name of the file that gets what a program says, in the folder that it runs in.
+const LOG: &str = "isv-log";
+
+fn run_command(
+    program: &Path,
+    mut command: Command,
+    log: &Path,
+    limit: Duration,
+) -> Result<ProgramRun<()>, ProgramError> {
     let failed_to_run = |source| ProgramError::Run { program: program.into(), source };
     let words = File::create(log).map_err(failed_to_run)?;
     let errors = words.try_clone().map_err(failed_to_run)?;
     let start = Instant::now();
-    let mut command = Command::new(program);
-    command.args(arguments).stdin(Stdio::null()).stdout(words).stderr(errors);
+    command.stdin(Stdio::null()).stdout(words).stderr(errors);
     let mut running = Running(command.spawn().map_err(failed_to_run)?);
     let mut peak_memory_bytes = None;
     loop {
@@ -152,11 +191,16 @@ fn peak_memory(process: u32) -> Option<u64> {
     Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
 }
 
-/// The beginning of a log, on one line.
+/// The beginning of a log, on one line; of a long one its beginning and its end, where programs say why they failed.
 fn read_words(log: &Path) -> String {
     let mut bytes = Vec::new();
-    if let Ok(file) = File::open(log) {
-        let _ = file.take(MOST_WORDS).read_to_end(&mut bytes);
+    if let Ok(mut file) = File::open(log) {
+        let length = file.metadata().map_or(0, |data| data.len());
+        let _ = (&mut file).take(MOST_WORDS / 2).read_to_end(&mut bytes);
+        if length > MOST_WORDS && file.seek(SeekFrom::End(-(MOST_WORDS as i64) / 2)).is_ok() {
+            bytes.extend_from_slice(b" ... ");
+        }
+        let _ = file.take(MOST_WORDS / 2).read_to_end(&mut bytes);
     }
     let words = String::from_utf8_lossy(&bytes).split_whitespace().collect::<Vec<_>>().join(" ");
     if words.is_empty() { "it says nothing".into() } else { words }

@@ -3,6 +3,7 @@
 use isv::raw::encode::{MotionMode, Preset};
 use isv::raw::format::Prediction;
 use isv::raw::volume::{Grid, TriangleMesh};
+use isv_baseline::{Draco, Gltfpack, Tmc2, Tmc13, Vdmc};
 use std::fmt;
 use std::str::FromStr;
 use thiserror::Error;
@@ -21,6 +22,26 @@ pub enum Codec {
         /// 100 for the mesh as it is.
         faces_percent: u8,
     },
+    /// meshoptimizer's gltfpack on each frame's mesh, first simplified to a share of its faces, in percent.
+    Gltfpack {
+        /// 100 for the mesh as it is.
+        faces_percent: u8,
+    },
+    /// MPEG's G-PCC (TMC13) on the voxels that each frame's surface passes through.
+    Tmc13(PointGeometry),
+    /// MPEG's V-PCC (TMC2) on such voxels of the whole take.
+    Tmc2,
+    /// MPEG's V-DMC on the meshes of the whole take.
+    Vdmc,
+}
+
+/// How G-PCC codes geometry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PointGeometry {
+    /// Voxels, without loss.
+    Octree,
+    /// Triangles in nodes of an octree.
+    Trisoup,
 }
 
 /// What a trained transform was trained on.
@@ -58,6 +79,20 @@ pub enum OperatingPoint {
     },
     /// Bits of a quantized coordinate; the longest side of the bounding box spans `2^bits - 1` steps.
     PositionBits(u8),
+    /// Voxels in nodes of triangles.
+    Nodes {
+        /// Bits of a voxel's coordinate, as of [`Self::PositionBits`].
+        bits: u8,
+        /// Edge of a node is `2^size_log2` voxels.
+        size_log2: u8,
+    },
+    /// A rate of MPEG's common test conditions.
+    TestRate {
+        /// Bits of a coordinate of what the codec is given.
+        bits: u8,
+        /// Number of the rate: 1 is the coarsest.
+        rate: u8,
+    },
 }
 
 /// What operating points are in proportion to.
@@ -75,6 +110,12 @@ impl Scale {
     pub fn new(first: &TriangleMesh, grid: &Grid) -> Self {
         let extent_m = first.bounds().map_or(0.0, |(low, high)| (high - low).max_element());
         Self { voxel_m: grid.voxel_size.metres(), extent_m }
+    }
+
+    /// Bits beyond those that make a step of the bounding box a voxel, 4 to `most`.
+    fn bits(&self, beyond: i32, most: i32) -> u8 {
+        let voxel_bits = (self.extent_m / self.voxel_m).max(1.0).log2().round() as i32;
+        (voxel_bits + beyond).clamp(4, most) as u8
     }
 }
 
@@ -104,9 +145,15 @@ const MAIN_STEPS_VOXELS: [f64; POINTS] = [0.9, 1.4, 2.2, 3.5, 5.5];
 /// Draco's bits beyond those that make its step a voxel: a mesh needs finer positions than a volume needs voxels.
 const BITS_BEYOND_A_VOXEL: [i32; POINTS] = [3, 2, 1, 0, -1];
 
+/// Bits of voxels beyond those that make them isv's: as MPEG's test conditions have 10 bits for people.
+const POINT_BITS_BEYOND_A_VOXEL: i32 = 2;
+
+/// Nodes of trisoup: bits beyond those of [`POINT_BITS_BEYOND_A_VOXEL`], and the edge of a node in voxels as a power of two.
+const NODES: [(i32, u8); POINTS] = [(1, 2), (1, 3), (1, 4), (0, 4), (0, 5)];
+
 impl Codec {
     /// All of them, in the order of legends and tables.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 21] = [
         Self::Paper(MotionMode::Fixed(Prediction::None)),
         Self::Paper(MotionMode::Fixed(Prediction::ZeroMotion)),
         Self::Paper(MotionMode::Fixed(Prediction::ThreeDof)),
@@ -122,7 +169,32 @@ impl Codec {
         Self::Draco { faces_percent: 25 },
         Self::Draco { faces_percent: 10 },
         Self::Draco { faces_percent: 5 },
+        Self::Gltfpack { faces_percent: 100 },
+        Self::Gltfpack { faces_percent: 25 },
+        Self::Tmc13(PointGeometry::Octree),
+        Self::Tmc13(PointGeometry::Trisoup),
+        Self::Tmc2,
+        Self::Vdmc,
     ];
+
+    /// Programs of others that it runs: all are needed.
+    #[must_use]
+    pub fn programs(self) -> &'static [&'static str] {
+        match self {
+            Self::Paper(_) | Self::Main(_) | Self::Tang(_) => &[],
+            Self::Draco { .. } => &Draco::PROGRAMS,
+            Self::Gltfpack { .. } => &[Gltfpack::PROGRAM],
+            Self::Tmc13(_) => &[Tmc13::PROGRAM],
+            Self::Tmc2 => &Tmc2::PROGRAMS,
+            Self::Vdmc => &Vdmc::PROGRAMS,
+        }
+    }
+
+    /// Whether it is isv, in either profile.
+    #[must_use]
+    pub fn is_isv(self) -> bool {
+        matches!(self, Self::Paper(_) | Self::Main(_))
+    }
 
     /// What it is, in a line.
     #[must_use]
@@ -155,6 +227,25 @@ impl Codec {
             Self::Draco { faces_percent } => {
                 format!("quadric simplification to {faces_percent} % of the faces, then Draco, every frame alone")
             }
+            Self::Gltfpack { faces_percent: 100 } => {
+                "meshoptimizer's gltfpack (KHR_mesh_quantization and meshopt compression), then gzip, every frame alone"
+                    .to_owned()
+            }
+            Self::Gltfpack { faces_percent } => {
+                format!("quadric simplification to {faces_percent} % of the faces, then gltfpack and gzip, every frame alone")
+            }
+            Self::Tmc13(PointGeometry::Octree) => {
+                "MPEG G-PCC (TMC13), octree: the voxels that the surface passes through, coded without loss, every frame alone"
+                    .to_owned()
+            }
+            Self::Tmc13(PointGeometry::Trisoup) => {
+                "MPEG G-PCC (TMC13), trisoup: the voxels that the surface passes through as triangles in nodes, every frame alone"
+                    .to_owned()
+            }
+            Self::Tmc2 => {
+                "MPEG V-PCC (TMC2), random access: the voxels that the surface passes through as HEVC video, whole takes".to_owned()
+            }
+            Self::Vdmc => "MPEG V-DMC, all intra: a base mesh and displacements as HEVC video, whole takes".to_owned(),
         }
     }
 
@@ -186,10 +277,20 @@ impl Codec {
                 coefficients: COEFFICIENTS,
                 step_m: UNIFORM_STEPS_VOXELS[i] * scale.voxel_m,
             },
-            Self::Draco { .. } => {
-                let voxel_bits = (scale.extent_m / scale.voxel_m).max(1.0).log2().round() as i32;
-                OperatingPoint::PositionBits((voxel_bits + BITS_BEYOND_A_VOXEL[i]).clamp(4, 20) as u8)
+            Self::Draco { .. } => OperatingPoint::PositionBits(scale.bits(BITS_BEYOND_A_VOXEL[i], 20)),
+            Self::Gltfpack { .. } => OperatingPoint::PositionBits(scale.bits(BITS_BEYOND_A_VOXEL[i], 16)),
+            Self::Tmc13(PointGeometry::Octree) => {
+                OperatingPoint::PositionBits(scale.bits(BITS_BEYOND_A_VOXEL[i], 16))
             }
+            Self::Tmc13(PointGeometry::Trisoup) => {
+                let (beyond, size_log2) = NODES[i];
+                OperatingPoint::Nodes { bits: scale.bits(POINT_BITS_BEYOND_A_VOXEL + beyond, 16), size_log2 }
+            }
+            Self::Tmc2 => OperatingPoint::TestRate {
+                bits: scale.bits(POINT_BITS_BEYOND_A_VOXEL, 12),
+                rate: Tmc2::RATES[i],
+            },
+            Self::Vdmc => OperatingPoint::TestRate { bits: Vdmc::POSITION_BITS, rate: Vdmc::RATES[i] },
         }
     }
 }
@@ -207,6 +308,12 @@ impl fmt::Display for Codec {
             Self::Tang(Training::CrossScene) => f.write_str("tang-cross"),
             Self::Draco { faces_percent: 100 } => f.write_str("draco"),
             Self::Draco { faces_percent } => write!(f, "draco-{faces_percent}"),
+            Self::Gltfpack { faces_percent: 100 } => f.write_str("gltfpack"),
+            Self::Gltfpack { faces_percent } => write!(f, "gltfpack-{faces_percent}"),
+            Self::Tmc13(PointGeometry::Octree) => f.write_str("tmc13-octree"),
+            Self::Tmc13(PointGeometry::Trisoup) => f.write_str("tmc13-trisoup"),
+            Self::Tmc2 => f.write_str("tmc2"),
+            Self::Vdmc => f.write_str("vdmc"),
         }
     }
 }
@@ -229,6 +336,8 @@ impl fmt::Display for OperatingPoint {
             Self::Step { step_m } => write!(f, "step{}mm", mm(step_m)),
             Self::UniformStep { coefficients, step_m } => write!(f, "k{coefficients}-step{}mm", mm(step_m)),
             Self::PositionBits(bits) => write!(f, "{bits}-bit"),
+            Self::Nodes { bits, size_log2 } => write!(f, "{bits}-bit-node{}", 1u32 << size_log2),
+            Self::TestRate { bits, rate } => write!(f, "{bits}-bit-r{rate}"),
         }
     }
 }
@@ -258,6 +367,10 @@ mod tests {
         assert_eq!(names("paper-3dof", 1), "k64-ac10mm");
         assert_eq!(names("tang-scene", 2), "k64-step2.5mm k64-step40mm");
         assert_eq!(names("draco", 3), "11-bit 9-bit 7-bit");
+        assert_eq!(names("tmc13-octree", 3), "11-bit 9-bit 7-bit");
+        let nodes = "11-bit-node4 11-bit-node8 11-bit-node16 10-bit-node16 10-bit-node32";
+        assert_eq!(names("tmc13-trisoup", 5), nodes);
+        assert_eq!(names("tmc2", 3), "10-bit-r5 10-bit-r3 10-bit-r1");
         assert_eq!(names("draco-25", 9), "11-bit 10-bit 9-bit 8-bit 7-bit");
         let coarse = Scale { voxel_m: 2.0, extent_m: 1.8 };
         assert_eq!(Codec::Draco { faces_percent: 100 }.points(coarse, 5), [OperatingPoint::PositionBits(4)]);

@@ -5,7 +5,7 @@ use isv::raw::format::FormatError;
 use isv::raw::ingest::IngestError;
 use isv::raw::io::OutputError;
 use isv::raw::metrics::CompareError;
-use isv_baseline::{DracoError, ProgramError, SimplifyError, TangError, TrainingError};
+use isv_baseline::{DracoError, ProgramError, SimplifyError, TangError, ToolError, TrainingError};
 use std::io;
 use thiserror::Error;
 
@@ -66,6 +66,17 @@ pub enum StudyError {
         /// What it says.
         cause: DracoError,
     },
+    /// The program of another codec failed at a frame.
+    #[error("frame {frame}: {cause}")]
+    Tool {
+        /// Number of the frame in the take.
+        frame: usize,
+        /// Why.
+        cause: ToolError,
+    },
+    /// The program of another codec failed at the take, or cannot be used at all.
+    #[error(transparent)]
+    ToolOfTake(#[from] ToolError),
     /// A mesh that cannot be simplified.
     #[error("frame {frame}: {cause}")]
     Simplify {
@@ -111,6 +122,7 @@ impl StudyError {
             Self::Draco { cause, .. } => {
                 matches!(cause, DracoError::Program(ProgramError::Run { .. } | ProgramError::TooLong { .. }))
             }
+            Self::Tool { cause, .. } | Self::ToolOfTake(cause) => cause.is_of_all_settings(),
             _ => false,
         }
     }

@@ -1,16 +1,21 @@
 //! Encode, decode, compare: one codec at one point.
 
+use crate::codec::PointGeometry;
 use crate::memory::{peak_bytes, reset_peak};
 use crate::record::Timing;
-use crate::session::{DracoEncoding, Encoding, IsvEncoding, Memory, Stream, TangEncoding};
+use crate::session::{
+    DracoEncoding, Encoding, GltfpackEncoding, IsvEncoding, Memory, Stream, TangEncoding, Tmc2Encoding,
+    Tmc13Encoding, VdmcEncoding,
+};
 use crate::{Codec, OperatingPoint, Record, Scale, StudyError, Training};
 use isv::raw::format::FrameRate;
 use isv::raw::ingest::{MeshIngest, SignMode, decide_sign, ingest_mesh};
+use isv::raw::io::Geometry;
 use isv::raw::metrics::{
-    ColourError, CompareOptions, GeometryError, colour_summary, compare, compare_colours, summary,
+    ColourError, CompareOptions, GeometryError, Shape, colour_summary, compare, compare_colours, summary,
 };
 use isv::raw::volume::TriangleMesh;
-use isv_baseline::{BlockBasis, BlockMoments, Draco};
+use isv_baseline::{BlockBasis, BlockMoments, Draco, Gltfpack, Tmc2, Tmc13, Tmc13Geometry, Tools, Vdmc};
 
 /// An error of whoever provides a take.
 pub type TakeError = Box<dyn std::error::Error + Send + Sync>;
@@ -66,8 +71,21 @@ pub struct Subject<'a> {
     take: &'a dyn Take,
     settings: &'a StudySettings,
     scale: Scale,
-    basis: Option<BlockBasis>,
-    draco: Option<Draco>,
+    needed: Needed,
+}
+
+/// What a codec needs beside the take.
+enum Needed {
+    /// Nothing.
+    Nothing,
+    /// A trained transform.
+    Basis(Box<BlockBasis>),
+    /// The programs of another codec.
+    Draco(Draco),
+    Gltfpack(Gltfpack),
+    Tmc13(Tmc13),
+    Tmc2(Tmc2),
+    Vdmc(Vdmc),
 }
 
 /// What came of a point.
@@ -75,7 +93,7 @@ pub struct Measured {
     /// The figures; the key is left empty.
     pub record: Record,
     /// The decoded picture frame.
-    pub picture: TriangleMesh,
+    pub picture: Geometry,
     /// The stream, where other commands can read it.
     pub isv_file: Option<Vec<u8>>,
 }
@@ -90,19 +108,23 @@ impl<'a> Subject<'a> {
         take: &'a dyn Take,
         training: &[&dyn Take],
         settings: &'a StudySettings,
+        tools: &Tools,
     ) -> Result<Option<Self>, StudyError> {
-        let (mut basis, mut draco) = (None, None);
-        match codec {
-            Codec::Paper(_) | Codec::Main(_) => {}
-            Codec::Tang(Training::Scene) => basis = Some(train(&[take], settings)?),
+        let basis =
+            |takes: &[&dyn Take]| Ok::<_, StudyError>(Needed::Basis(Box::new(train(takes, settings)?)));
+        let needed = match codec {
+            Codec::Paper(_) | Codec::Main(_) => Some(Needed::Nothing),
+            Codec::Tang(Training::Scene) => Some(basis(&[take])?),
             Codec::Tang(Training::CrossScene) if training.is_empty() => return Err(StudyError::NoTraining),
-            Codec::Tang(Training::CrossScene) => basis = Some(train(training, settings)?),
-            Codec::Draco { .. } => match Draco::find() {
-                Some(found) => draco = Some(found),
-                None => return Ok(None),
-            },
-        }
-        Ok(Some(Self { codec, take, settings, scale: scale(take, settings)?, basis, draco }))
+            Codec::Tang(Training::CrossScene) => Some(basis(training)?),
+            Codec::Draco { .. } => Draco::find_in(tools).map(Needed::Draco),
+            Codec::Gltfpack { .. } => Gltfpack::find(tools)?.map(Needed::Gltfpack),
+            Codec::Tmc13(_) => Tmc13::find(tools)?.map(Needed::Tmc13),
+            Codec::Tmc2 => Tmc2::find(tools)?.map(Needed::Tmc2),
+            Codec::Vdmc => Vdmc::find(tools)?.map(Needed::Vdmc),
+        };
+        let Some(needed) = needed else { return Ok(None) };
+        Ok(Some(Self { codec, take, settings, scale: scale(take, settings)?, needed }))
     }
 
     /// The points at which the codec is measured, as [`Codec::points`].
@@ -114,19 +136,44 @@ impl<'a> Subject<'a> {
     /// The codec's encoder at a point.
     fn encoding(&self, point: OperatingPoint) -> Result<Box<dyn Encoding>, StudyError> {
         let settings = self.settings;
-        Ok(match (self.codec, point, &self.basis, &self.draco) {
-            (Codec::Paper(motion), OperatingPoint::Steps { coefficients, dc_step_m, ac_step_m }, _, _) => {
+        let first = settings.first_frame;
+        Ok(match (self.codec, point, &self.needed) {
+            (Codec::Paper(motion), OperatingPoint::Steps { coefficients, dc_step_m, ac_step_m }, _) => {
                 let (steps, rate) = ([dc_step_m, ac_step_m], self.take.frame_rate());
                 Box::new(IsvEncoding::paper(motion, coefficients, steps, rate, settings)?)
             }
-            (Codec::Main(preset), OperatingPoint::Step { step_m }, _, _) => {
+            (Codec::Main(preset), OperatingPoint::Step { step_m }, _) => {
                 Box::new(IsvEncoding::main(preset, step_m, self.take.frame_rate(), settings)?)
             }
-            (Codec::Tang(_), OperatingPoint::UniformStep { coefficients, step_m }, Some(basis), _) => {
+            (Codec::Tang(_), OperatingPoint::UniformStep { coefficients, step_m }, Needed::Basis(basis)) => {
                 Box::new(TangEncoding::new(basis, coefficients, step_m, settings)?)
             }
-            (Codec::Draco { faces_percent }, OperatingPoint::PositionBits(bits), _, Some(draco)) => {
-                Box::new(DracoEncoding::new(draco, faces_percent, bits, settings.first_frame))
+            (Codec::Draco { faces_percent }, OperatingPoint::PositionBits(bits), Needed::Draco(draco)) => {
+                Box::new(DracoEncoding::new(draco, faces_percent, bits, first))
+            }
+            (
+                Codec::Gltfpack { faces_percent },
+                OperatingPoint::PositionBits(bits),
+                Needed::Gltfpack(gltfpack),
+            ) => Box::new(GltfpackEncoding::new(gltfpack, faces_percent, bits, first)),
+            (
+                Codec::Tmc13(PointGeometry::Octree),
+                OperatingPoint::PositionBits(bits),
+                Needed::Tmc13(tmc13),
+            ) => Box::new(Tmc13Encoding::new(tmc13, Tmc13Geometry::Octree, bits, first)),
+            (
+                Codec::Tmc13(PointGeometry::Trisoup),
+                OperatingPoint::Nodes { bits, size_log2 },
+                Needed::Tmc13(tmc13),
+            ) => {
+                let geometry = Tmc13Geometry::Trisoup { node_size_log2: size_log2 };
+                Box::new(Tmc13Encoding::new(tmc13, geometry, bits, first))
+            }
+            (Codec::Tmc2, OperatingPoint::TestRate { bits, rate }, Needed::Tmc2(tmc2)) => {
+                Box::new(Tmc2Encoding::new(tmc2, bits, rate))
+            }
+            (Codec::Vdmc, OperatingPoint::TestRate { rate, .. }, Needed::Vdmc(vdmc)) => {
+                Box::new(VdmcEncoding::new(vdmc, rate))
             }
             _ => panic!("{point} is no point of {}", self.codec),
         })
@@ -169,6 +216,7 @@ impl<'a> Subject<'a> {
             frame_errors,
             colour_error: colour_summary(&frame_colour_errors),
             frame_colour_errors,
+            programs: encoded.stream.programs(),
         };
         Ok(Measured {
             record,
@@ -192,6 +240,15 @@ impl<'a> Subject<'a> {
             step();
         }
         let stream = encoding.finish()?;
+        if let Some(whole) = stream.whole_take() {
+            // Frames have equal shares: the program tells of none alone.
+            let frames = frame_bytes.len() as u64;
+            frame_bytes = (0..frames)
+                .map(|i| stream.bytes() / frames + u64::from(i < stream.bytes() % frames))
+                .collect();
+            encode_ms = vec![whole.encode_ms / frames as f64; frame_bytes.len()];
+            memory.push(whole.memory);
+        }
         Ok(Encoded {
             stream,
             frame_bytes,
@@ -211,11 +268,15 @@ impl<'a> Subject<'a> {
             let number = self.settings.first_frame + frame;
             let in_frame = |cause| StudyError::Compare { frame: number, cause };
             let options = &self.settings.compare;
-            compared.frame_errors.push(compare(&original, &decoded.mesh, options).map_err(in_frame)?);
-            let colours = compare_colours(&original, &decoded.mesh, options).map_err(in_frame)?;
+            let test = match &decoded.shape {
+                Geometry::Mesh(mesh) => Shape::Mesh(mesh),
+                Geometry::Points(points) => Shape::Points(points),
+            };
+            compared.frame_errors.push(compare(&original, test, options).map_err(in_frame)?);
+            let colours = compare_colours(&original, test, options).map_err(in_frame)?;
             compared.frame_colour_errors.push(colours);
             if frame == self.settings.picture_frame {
-                compared.picture = Some(decoded.mesh);
+                compared.picture = Some(decoded.shape);
             }
             step();
         }
@@ -262,7 +323,7 @@ struct Compared {
     frame_errors: Vec<GeometryError>,
     frame_colour_errors: Vec<ColourError>,
     /// The decoded picture frame.
-    picture: Option<TriangleMesh>,
+    picture: Option<Geometry>,
 }
 
 /// What decoding took.

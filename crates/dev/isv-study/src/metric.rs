@@ -7,6 +7,8 @@ use isv::raw::metrics::{ColourError, GeometryError};
 pub enum Metric {
     /// Exact point-to-surface distance, mean of both directions.
     PointToSurface,
+    /// Exact distance of decoded points to the source's surface, mean: one direction, which codecs of points have too.
+    DecodedToSource,
     /// Chamfer distance, Eq. 15 of the paper.
     Chamfer,
     /// Angle between normals.
@@ -23,7 +25,8 @@ pub enum Metric {
 
 impl Metric {
     /// Measures of geometry, the one that says most first.
-    pub const ALL: [Self; 5] = [Self::PointToSurface, Self::Chamfer, Self::NormalError, Self::D1, Self::D2];
+    pub const ALL: [Self; 6] =
+        [Self::PointToSurface, Self::DecodedToSource, Self::Chamfer, Self::NormalError, Self::D1, Self::D2];
 
     /// Measures of colour, for codecs and captures that have any.
     pub const COLOUR: [Self; 2] = [Self::ColourY, Self::RenderY];
@@ -39,6 +42,7 @@ impl Metric {
     pub fn key(self) -> &'static str {
         match self {
             Self::PointToSurface => "p2s_mean_mm",
+            Self::DecodedToSource => "test_to_ref_mean_mm",
             Self::Chamfer => "chamfer_mm",
             Self::NormalError => "normal_error_deg",
             Self::D1 => "d1_psnr_db",
@@ -53,6 +57,7 @@ impl Metric {
     pub fn title(self) -> &'static str {
         match self {
             Self::PointToSurface => "Point to surface",
+            Self::DecodedToSource => "Decoded points to source",
             Self::Chamfer => "Chamfer distance",
             Self::NormalError => "Normal error",
             Self::D1 => "D1 PSNR",
@@ -67,6 +72,7 @@ impl Metric {
     pub fn axis(self) -> &'static str {
         match self {
             Self::PointToSurface => "mean distance, mm",
+            Self::DecodedToSource => "mean distance of decoded points to the source, mm",
             Self::Chamfer => "mean distance between samples, mm",
             Self::NormalError => "mean angle, degrees",
             Self::D1 => "point to point, dB",
@@ -87,6 +93,7 @@ impl Metric {
     pub fn of(self, error: &GeometryError) -> Option<f64> {
         match self {
             Self::PointToSurface => error.p2s_mean_mm,
+            Self::DecodedToSource => error.test_to_ref_mean_mm,
             Self::Chamfer => Some(error.chamfer_mm),
             Self::NormalError => error.normal_error_deg,
             Self::D1 => error.d1_psnr_db,

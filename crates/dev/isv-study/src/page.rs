@@ -5,7 +5,7 @@ use crate::chart::Chart;
 use crate::codec::Codec;
 use crate::picture::{CodecPicture, CodecPictures, View};
 use crate::report::{DeltaRow, colour};
-use crate::{Metric, Record, Report};
+use crate::{Metric, ProgramUse, Record, Report};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
@@ -62,7 +62,13 @@ const SHEET: &str = "The source and the streams, each at its point nearest to on
                      href=\"sheet.png\">sheet.png</a>.";
 
 const COSTS: &str = "Time to encode is from mesh to bytes: ingest or simplification, then coding; time to decode is from bytes \
-                     to mesh. Colour is not part of these times. Draco runs as a program of its own that reads and writes files, which is part of its time.";
+                     to mesh. Colour is not part of these times. Codecs of others run as programs that read and write files, which is part of their time; those that code a whole take at once have equal shares.";
+
+const POINTS: &str = "Codecs of points are given the voxels that the source's surface passes through, at the bits that their points name, and \
+                      give points back. Without a decoded surface there is no distance from the source to it: point to surface, \
+                      normals, area and components are left out for them. Decoded points to source is one direction, exact, and \
+                      does not see what is missing; D1 and D2 take the worse of both directions. In pictures their points are \
+                      cubes.";
 
 const PICTURES: &str = "Each codec at its point nearest to the same rate: by surface normal, and by distance from what went in. Click \
                         to enlarge.";
@@ -250,6 +256,7 @@ fn results_section(report: &Report) -> String {
         "colour Y dB",
         "pictures Y dB",
         "p2s mm",
+        "to source mm",
         "p2s rms",
         "Hausdorff",
         "Chamfer mm",
@@ -285,6 +292,7 @@ fn result_row(record: &Record) -> String {
         number(record.value(Metric::ColourY), 2),
         number(record.value(Metric::RenderY), 2),
         number(error.p2s_mean_mm, 3),
+        number(error.test_to_ref_mean_mm, 3),
         number(error.p2s_rms_mm, 3),
         number(error.hausdorff_mm, 2),
         number(Some(error.chamfer_mm), 3),
@@ -317,7 +325,8 @@ fn method_section(report: &Report) -> String {
             format!("<li><b>{}</b>: {}</li>\n", escape(name), escape(&words))
         })
         .collect();
-    let notes: String = report.notes.iter().map(|note| format!("<li>{}</li>\n", escape(note))).collect();
+    let all_notes = report.notes.iter().map(String::as_str).chain(report.program_notes());
+    let notes: String = all_notes.map(|note| format!("<li>{}</li>\n", escape(note))).collect();
     let notes =
         if notes.is_empty() { notes } else { format!("<p>Notes:</p>\n<ul class=\"notes\">\n{notes}</ul>\n") };
     let first = report.records.first().map(|record| &record.error);
@@ -334,7 +343,36 @@ fn method_section(report: &Report) -> String {
          nearest sample, both ways halved. D1 and D2 follow MPEG's pc_error, with the longest side of the original's bounding box \
          as the peak.{floor}"
     );
-    section("method", "How it was measured", &words, &format!("<ul class=\"notes\">\n{codecs}</ul>\n{notes}"))
+    let words = if report.has_points() { words + " " + POINTS } else { words };
+    let programs = programs_list(report);
+    let body = format!("<ul class=\"notes\">\n{codecs}</ul>\n{notes}{programs}");
+    section("method", "How it was measured", &words, &body)
+}
+
+/// Versions and command lines of other codecs' programs, each codec at its middle point.
+fn programs_list(report: &Report) -> String {
+    let mut items = String::new();
+    for codec in report.codecs() {
+        let records: Vec<_> = report.records.iter().filter(|record| record.codec == codec).collect();
+        let Some(record) = records.get(records.len() / 2) else { continue };
+        for ProgramUse { version, command, .. } in &record.programs {
+            let version = if version.is_empty() { "version not told" } else { version };
+            items += &format!(
+                "<li><b>{}</b> at {} ({}): <code>{}</code></li>\n",
+                escape(codec),
+                escape(&record.point),
+                escape(version),
+                escape(command)
+            );
+        }
+    }
+    if items.is_empty() {
+        return items;
+    }
+    format!(
+        "<p>Programs of other codecs; all points are in <a href=\"programs.csv\">programs.csv</a>:</p>\n\
+         <ul class=\"notes\">\n{items}</ul>\n"
+    )
 }
 
 fn swatch(codec: &str) -> String {

@@ -48,6 +48,20 @@ pub struct Record {
     /// Error of each frame's colour.
     #[serde(default)]
     pub frame_colour_errors: Vec<ColourError>,
+    /// Programs of others that were run.
+    #[serde(default)]
+    pub programs: Vec<ProgramUse>,
+}
+
+/// A program of another codec, as it was run for a record.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ProgramUse {
+    /// Version that it states; empty if it states none.
+    pub version: String,
+    /// The command line. Files are named without their folder.
+    pub command: String,
+    /// What a reader must know of it, if there is anything.
+    pub note: Option<String>,
 }
 
 /// Bytes of a stream by what they say, to fractions of a byte.

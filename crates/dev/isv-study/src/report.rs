@@ -3,7 +3,7 @@
 use crate::bjontegaard::{Delta, RatePoint, delta};
 use crate::chart::{Axis, Chart, Series};
 use crate::picture::CodecPictures;
-use crate::{Metric, Record, StudyError, page, table};
+use crate::{Codec, Metric, Record, StudyError, page, table};
 use isv::raw::io::AtomicFile;
 use std::io::{self, Write};
 use std::path::Path;
@@ -37,8 +37,9 @@ pub struct DeltaRow {
 /// Names and colours of the parts of a stream, in the order of [`crate::BytesByKind::named`].
 const KIND_COLOURS: [&str; 7] = ["#54778f", "#a7bccb", "#d1603d", "#e5b53b", "#3a8f6b", "#9a9a9a", "#8b5fbf"];
 
-/// Colours of codecs by family: isv's paper profile blue and violet, its main profile crimson, trained transforms green, Draco from dark red to yellow.
-const CODEC_COLOURS: [(&str, &str); 15] = [
+/// Colours of codecs by family. isv's paper profile is blue and violet, its main profile crimson, trained transforms green.
+/// Draco goes from dark red to yellow, gltfpack is brown, MPEG's codecs are teal, black and olive.
+const CODEC_COLOURS: [(&str, &str); 21] = [
     ("paper-intra", "#8fb8de"),
     ("paper-zero", "#5b8fc7"),
     ("paper-3dof", "#1450a0"),
@@ -54,6 +55,12 @@ const CODEC_COLOURS: [(&str, &str); 15] = [
     ("draco-25", "#de5a2c"),
     ("draco-10", "#ef8e2e"),
     ("draco-5", "#e8bf45"),
+    ("gltfpack", "#5d4037"),
+    ("gltfpack-25", "#a1887f"),
+    ("tmc13-octree", "#80cbc4"),
+    ("tmc13-trisoup", "#00796b"),
+    ("tmc2", "#212121"),
+    ("vdmc", "#827717"),
 ];
 
 impl Report {
@@ -112,6 +119,26 @@ impl Report {
             }
         }
         rows
+    }
+
+    /// Whether a codec gives points back.
+    #[must_use]
+    pub fn has_points(&self) -> bool {
+        self.records.iter().any(|record| record.value(Metric::PointToSurface).is_none())
+    }
+
+    /// What readers must know of the programs of other codecs, each thing once.
+    #[must_use]
+    pub fn program_notes(&self) -> Vec<&str> {
+        let mut notes: Vec<_> = self
+            .records
+            .iter()
+            .flat_map(|record| &record.programs)
+            .filter_map(|p| p.note.as_deref())
+            .collect();
+        notes.sort_unstable();
+        notes.dedup();
+        notes
     }
 
     /// All charts, each with the name of its files.
@@ -181,7 +208,7 @@ impl Report {
             Series {
                 name: codec.to_owned(),
                 colour: colour(codec).to_owned(),
-                dashed: codec.starts_with("draco"),
+                dashed: codec.parse::<Codec>().is_ok_and(|codec| !codec.programs().is_empty()),
                 points,
                 labels,
                 spread: Vec::new(),
@@ -224,6 +251,7 @@ impl Report {
         let deltas = self.deltas();
         write_file(&folder.join("results.csv"), table::results(&self.records).as_bytes())?;
         write_file(&folder.join("bd_rates.csv"), table::deltas(&deltas).as_bytes())?;
+        write_file(&folder.join("programs.csv"), table::programs(&self.records).as_bytes())?;
         let charts_folder = folder.join("charts");
         let named =
             |cause: io::Error| io::Error::new(cause.kind(), format!("{}: {cause}", charts_folder.display()));

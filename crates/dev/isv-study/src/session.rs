@@ -1,17 +1,27 @@
 //! One codec at one point on one take: frames in, a stream out, frames back.
 
 mod draco;
+mod gltfpack;
 mod isv;
 mod tang;
+mod tmc13;
+mod tmc2;
+mod vdmc;
 mod volumes;
 
 pub(crate) use self::isv::IsvEncoding;
 pub(crate) use draco::DracoEncoding;
+pub(crate) use gltfpack::GltfpackEncoding;
 pub(crate) use tang::TangEncoding;
+pub(crate) use tmc2::Tmc2Encoding;
+pub(crate) use tmc13::Tmc13Encoding;
+pub(crate) use vdmc::VdmcEncoding;
 
 use crate::StudyError;
-use crate::record::BytesByKind;
+use crate::record::{BytesByKind, ProgramUse};
+use ::isv::raw::io::Geometry;
 use ::isv::raw::volume::TriangleMesh;
+use isv_baseline::{ToolVersion, simplify};
 use std::time::Instant;
 
 /// The encoding side.
@@ -42,6 +52,16 @@ pub(crate) trait Stream {
         colour: bool,
     ) -> Result<Box<dyn Iterator<Item = Result<DecodedFrame, StudyError>> + '_>, StudyError>;
 
+    /// Time and memory of encoding, where the take is encoded at its end rather than frame by frame.
+    fn whole_take(&self) -> Option<WholeTake> {
+        None
+    }
+
+    /// Programs of others that made it and that decode it.
+    fn programs(&self) -> Vec<ProgramUse> {
+        Vec::new()
+    }
+
     /// The bytes as a file that another command reads, if there is one.
     fn isv_file(&self) -> Option<&[u8]> {
         None
@@ -60,9 +80,35 @@ pub(crate) struct EncodedFrame {
 
 /// A frame as decoded.
 pub(crate) struct DecodedFrame {
-    pub(crate) mesh: TriangleMesh,
+    pub(crate) shape: Geometry,
     pub(crate) ms: f64,
     pub(crate) memory: Memory,
+}
+
+/// Encoding of all frames at once.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct WholeTake {
+    pub(crate) encode_ms: f64,
+    pub(crate) memory: Memory,
+}
+
+/// The two programs of a codec, as they were run.
+fn program_uses(names: [&str; 2], version: &ToolVersion, commands: [String; 2]) -> Vec<ProgramUse> {
+    let [encoder, decoder] = commands;
+    let note = version.note(names[0]);
+    [(encoder, note), (decoder, None)]
+        .map(|(command, note)| ProgramUse { version: version.version.clone(), command, note })
+        .to_vec()
+}
+
+/// A mesh without its colour, simplified to a share of its faces in percent. `frame` is its number in messages.
+fn prepared_mesh(mesh: &TriangleMesh, faces_percent: u8, frame: usize) -> Result<TriangleMesh, StudyError> {
+    // Colour would be coded with the vertices.
+    let mesh = TriangleMesh { appearance: None, ..mesh.clone() };
+    if faces_percent == 100 {
+        return Ok(mesh);
+    }
+    simplify(&mesh, f64::from(faces_percent) / 100.0).map_err(|cause| StudyError::Simplify { frame, cause })
 }
 
 /// Whose peak memory it is that a frame took.

@@ -1,8 +1,9 @@
 //! The folder of a study: one JSON file a measured point, the decoded picture frame and the stream beside it.
 
 use crate::captured_take::{CapturedTake, file_state};
-use crate::{Codec, Draco, Measured, OperatingPoint, Record, StudyError, StudySettings};
-use isv::raw::io::{AtomicFile, Format, check_overwriting, write_mesh};
+use crate::{Codec, Measured, OperatingPoint, Record, StudyError, StudySettings};
+use isv::raw::io::{AtomicFile, Format, Geometry, check_overwriting, write_mesh, write_points};
+use isv_baseline::Tools;
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -12,6 +13,7 @@ pub struct Store {
     folder: PathBuf,
     /// What all figures depend on, but for codec and point.
     key: String,
+    tools: Tools,
 }
 
 impl Store {
@@ -24,6 +26,7 @@ impl Store {
         take: &CapturedTake,
         training: &[CapturedTake],
         settings: &StudySettings,
+        tools: &Tools,
     ) -> Result<Self, StudyError> {
         let program = std::env::current_exe()?;
         let training: Vec<_> = training.iter().map(CapturedTake::fingerprint).collect();
@@ -33,7 +36,7 @@ impl Store {
             rayon::current_num_threads(),
             take.fingerprint(),
         );
-        Ok(Self { folder: folder.to_owned(), key })
+        Ok(Self { folder: folder.to_owned(), key, tools: tools.clone() })
     }
 
     /// The folder of the study.
@@ -48,7 +51,7 @@ impl Store {
     /// [`StudyError::Output`] and [`StudyError::File`].
     pub fn make(&self) -> Result<(), StudyError> {
         let is_study = self.folder.join("points").is_dir();
-        for name in ["index.html", "results.csv", "bd_rates.csv", "sheet.png"] {
+        for name in ["index.html", "results.csv", "bd_rates.csv", "programs.csv", "sheet.png"] {
             let path = self.folder.join(name);
             check_overwriting(&path, "this folder has no study", |_| is_study)?;
         }
@@ -72,7 +75,12 @@ impl Store {
         let Measured { mut record, picture, isv_file } = measured;
         record.key = self.key(codec, point);
         make_folder(&self.folder.join("points").join(&record.codec))?;
-        write_mesh(&self.picture(&record), &picture, Format::Ply).map_err(io::Error::from)?;
+        let path = self.picture(&record);
+        match &picture {
+            Geometry::Mesh(mesh) => write_mesh(&path, mesh, Format::Ply),
+            Geometry::Points(points) => write_points(&path, points, Format::Ply),
+        }
+        .map_err(io::Error::from)?;
         if let Some(bytes) = isv_file {
             write_file(&self.path(&record.codec, &record.point, "isv"), &bytes)?;
         }
@@ -97,10 +105,8 @@ impl Store {
     }
 
     fn key(&self, codec: Codec, point: &OperatingPoint) -> String {
-        let programs = match codec {
-            Codec::Draco { .. } => Draco::find().map(|draco| draco.programs().map(file_state)),
-            _ => None,
-        };
+        let state = |name: &&str| self.tools.find(name).map(|path| file_state(&path));
+        let programs: Vec<_> = codec.programs().iter().map(state).collect();
         format!("{codec:?} {point:?} {programs:?}; {}", self.key)
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::bjontegaard::MeanDifference;
 use crate::report::DeltaRow;
-use crate::{Metric, Record};
+use crate::{Metric, ProgramUse, Record};
 
 /// One row a record: sizes, errors, times and memory.
 pub(crate) fn results(records: &[Record]) -> String {
@@ -65,6 +65,17 @@ fn row(record: &Record) -> String {
     cells.push(times);
     cells.extend(figures.map(|value| value.map_or(String::new(), |v| format!("{v:.6}"))));
     cells.join(",") + "\n"
+}
+
+/// One row a program of another codec and a point: its version and its command line.
+pub(crate) fn programs(records: &[Record]) -> String {
+    let mut csv = "codec,point,version,command\n".to_owned();
+    for Record { codec, point, programs, .. } in records {
+        for ProgramUse { version, command, .. } in programs {
+            csv += &format!("{codec},{point},{version},\"{}\"\n", command.replace('"', "\"\""));
+        }
+    }
+    csv
 }
 
 /// One row a pair of codecs and a metric: what `test` saves against `anchor`, and over what; empty where they do not meet.

@@ -1,6 +1,7 @@
 //! One codec at one point in a process of its own, and the lines in which it tells its parent how far it is.
 
 use crate::{CapturedTake, Codec, OperatingPoint, Store, StudyError, StudySettings, Subject, Take};
+use isv_baseline::Tools;
 use serde::{Deserialize, Serialize};
 use std::io::{self, BufRead, BufReader, Read, Write, stdout};
 use std::process::{Child, Command, Stdio};
@@ -48,13 +49,13 @@ pub fn run(
     store: &Store,
     codec: Codec,
     point: OperatingPoint,
+    tools: &Tools,
 ) -> Result<(), StudyError> {
     let training: Vec<_> = training.iter().map(|take| take as &dyn Take).collect();
-    let measured = match Subject::prepare(codec, take, &training, settings) {
+    let measured = match Subject::prepare(codec, take, &training, settings, tools) {
         Ok(Some(subject)) => subject.measure(point, &mut step),
         Ok(None) => {
-            let sentence = "draco_encoder and draco_decoder are not both installed".to_owned();
-            return Ok(say(&Message::Failed { sentence, at_all_points: true })?);
+            return Ok(say(&Message::Failed { sentence: not_installed(codec), at_all_points: true })?);
         }
         Err(error) => Err(error),
     };
@@ -64,6 +65,14 @@ pub fn run(
             Ok(say(&Message::Kept)?)
         }
         Err(error) => Ok(say(&failure(&error))?),
+    }
+}
+
+/// Says which programs a codec lacks.
+fn not_installed(codec: Codec) -> String {
+    match codec.programs() {
+        [one] => format!("{one} is not installed; --tool {one}=PATH says where it is"),
+        all => format!("{} are not both installed; --tool NAME=PATH says where they are", all.join(" and ")),
     }
 }
 

@@ -31,6 +31,7 @@ fn record(codec: &str, point: &str, bytes: u64, p2s_mm: f64) -> Record {
         frame_errors: vec![error; 2],
         colour_error: ColourError::default(),
         frame_colour_errors: Vec::new(),
+        programs: Vec::new(),
     }
 }
 
@@ -86,7 +87,7 @@ fn files_are_whole() {
 
     let deltas = read("bd_rates.csv");
     let columns: Vec<_> = deltas.lines().map(|line| line.split(',').count()).collect();
-    assert_eq!(columns, [11; 11], "{deltas}");
+    assert_eq!(columns, [11; 13], "{deltas}");
 
     for name in ["p2s_mean_mm", "d2_psnr_db", "encode_ms", "decode_ms", "kinds"] {
         assert!(read(&format!("charts/{name}.svg")).starts_with("<svg"), "{name}");

@@ -18,6 +18,8 @@ pub enum Need {
     Captures,
     /// The programs of Draco.
     Draco,
+    /// The programs of other codecs: gltfpack and MPEG's test models.
+    OtherCodecs,
     /// Python with NumPy.
     Python,
     /// Python with OpenVDB.
@@ -38,10 +40,11 @@ pub enum Need {
 
 impl Need {
     /// All needs.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Gpu,
         Self::Captures,
         Self::Draco,
+        Self::OtherCodecs,
         Self::Python,
         Self::OpenVdb,
         Self::Usd,
@@ -59,6 +62,7 @@ impl Need {
             Self::Gpu => "gpu",
             Self::Captures => "captures",
             Self::Draco => "draco",
+            Self::OtherCodecs => "other-codecs",
             Self::Python => "python",
             Self::OpenVdb => "openvdb",
             Self::Usd => "usd",

@@ -14,7 +14,7 @@ use crate::threads::use_threads;
 use anyhow::{Context, Result, bail};
 use isv::raw::format::FrameRate;
 use isv::raw::ingest::{MeshIngest, SignDecision, SignMode, decide_sign};
-use isv::raw::io::{Colours, Unit, check_folder_name, read_mesh};
+use isv::raw::io::{Colours, Unit, check_folder_name, read_geometry};
 use isv::raw::metrics::CompareOptions;
 use isv::raw::take::FrameRange;
 use isv::raw::take::Length;
@@ -24,12 +24,13 @@ use isv::raw::volume::{Grid, VoxelSize};
 use isv_study::worker::{self, Outcome};
 use isv_study::{
     CapturedTake, Codec, CodecPictures, Metric, OperatingPoint, Record, Report, Scale, Sheet, SheetStream,
-    Store, StudyError, StudySettings, Take, Training,
+    Store, StudyError, StudySettings, Take, Tools, Training,
 };
 use std::ffi::OsString;
 use std::num::NonZero;
 use std::path::PathBuf;
 use std::process::Command;
+use std::time::Duration;
 
 /// Points at which each codec is measured unless asked otherwise; also the most.
 const POINTS: u8 = 5;
@@ -55,9 +56,25 @@ pub(crate) struct Args {
     ///
     /// Savings are summed up against the first. The codecs are paper-intra, paper-zero, paper-3dof, paper-6dof,
     /// paper-auto, main-realtime, main-balanced, main-archive, tang-scene, tang-cross, draco, draco-50, draco-25,
-    /// draco-10 and draco-5.
+    /// draco-10, draco-5, gltfpack, gltfpack-25, tmc13-octree, tmc13-trisoup, tmc2 and vdmc. A number is the share of faces
+    /// (%) that simplification leaves.
+    ///
+    /// Those from draco on are programs of others: gltfpack (meshoptimizer), tmc13 (MPEG G-PCC), tmc2 (MPEG V-PCC) and vdmc
+    /// (MPEG V-DMC). A codec without its programs is left out with a note.
     #[arg(help_heading = "Codecs", long, value_name = "NAME,..", value_delimiter = ',')]
     codecs: Vec<Codec>,
+    /// Path of another codec's program [default: found on the PATH]
+    ///
+    /// May be given several times. Names are draco_encoder, draco_decoder, gltfpack, tmc3, PccAppEncoder, PccAppDecoder,
+    /// encode and decode (V-DMC). TMC2 and V-DMC need the folder cfg of their source beside the program or up to 3 folders
+    /// above.
+    #[arg(help_heading = "Other codecs", long = "tool", value_name = "NAME=PATH", value_parser = tool_parser)]
+    tools: Vec<(String, PathBuf)>,
+    /// End another codec's program after this time [default: 10 min to 4 h]
+    ///
+    /// TMC2 and V-DMC code a whole take in one run.
+    #[arg(help_heading = "Other codecs", long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(1..))]
+    tool_limit: Option<u32>,
     /// Operating points of each codec, from 5
     #[arg(help_heading = "Codecs", long, value_name = "N", default_value_t = POINTS, value_parser = clap::value_parser!(u8).range(1..=POINTS as i64))]
     points: u8,
@@ -106,6 +123,14 @@ pub(crate) struct Args {
     worker: Option<(Codec, usize)>,
 }
 
+/// Name and path of a program.
+fn tool_parser(text: &str) -> Result<(String, PathBuf), String> {
+    let (name, path) = text.split_once('=').ok_or_else(|| "a name, = and a path".to_owned())?;
+    let (name, path) = (name.to_owned(), PathBuf::from(path));
+    Tools::default().set(&name, &path).map_err(|error| error.to_string())?;
+    Ok((name, path))
+}
+
 /// A codec and the place of one of its points.
 fn worker_parser(text: &str) -> Result<(Codec, usize), String> {
     let parse = |(codec, point): (&str, &str)| Some((codec.parse().ok()?, point.parse().ok()?));
@@ -120,7 +145,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if let Some((codec, point)) = args.worker {
         let Study { take, training, settings, store, .. } = &study;
         let point = study.points(codec)[point];
-        return Ok(worker::run(take, training, settings, store, codec, point)?);
+        return Ok(worker::run(take, training, settings, store, codec, point, &args.tools())?);
     }
     study.store.make().map_err(|error| match error {
         StudyError::Output(error) => error.into(),
@@ -187,6 +212,18 @@ fn this_program_as_worker(codec: Codec, point: usize) -> Result<Command> {
 }
 
 impl Args {
+    /// The programs of other codecs.
+    fn tools(&self) -> Tools {
+        let mut tools = Tools::default();
+        for (name, path) in &self.tools {
+            tools.set(name, path).expect("checked when it was read");
+        }
+        if let Some(seconds) = self.tool_limit {
+            tools.set_time_limit(Duration::from_secs(seconds.into()));
+        }
+        tools
+    }
+
     /// The codecs asked for, in that order; without a word, all that have what they need.
     fn codecs(&self) -> Vec<Codec> {
         let untrained = |codec: &Codec| *codec == Codec::Tang(Training::CrossScene) && self.train.is_empty();
@@ -250,7 +287,7 @@ impl Study {
             picture_frame: picture - take.range().start,
             first_frame: take.range().start,
         };
-        let store = Store::new(&args.output, &take, &training, &settings)?;
+        let store = Store::new(&args.output, &take, &training, &settings, &args.tools())?;
         let scale = Scale::new(&first, &grid);
         let published_sign = decide_sign(&first, settings.published_ingest().sign).0;
         Ok(Self {
@@ -312,7 +349,7 @@ impl Study {
         let original = self.take.mesh(self.settings.picture_frame)?;
         let frame = self.settings.first_frame + self.settings.picture_frame;
         let mesh =
-            |record| -> Result<_> { Ok((record, read_mesh(&self.store.picture(record), Unit::Metre)?)) };
+            |record| -> Result<_> { Ok((record, read_geometry(&self.store.picture(record), Unit::Metre)?)) };
         let decoded = report.near_rate(mbps).into_iter().map(mesh).collect::<Result<Vec<_>>>()?;
         let range_m = ERROR_RANGE_VOXELS * self.settings.ingest.grid.voxel_size.metres();
         Ok(Some(CodecPictures::new(&original, &decoded, range_m, frame, mbps)?))
@@ -380,6 +417,7 @@ fn summary(report: &Report) -> String {
         "colour Mbps",
         "colour Y dB",
         "p2s mm",
+        "to source mm",
         "normals deg",
         "D2 dB",
         "encode ms",
@@ -405,6 +443,7 @@ fn summary(report: &Report) -> String {
             number((record.bytes_colour > 0).then(|| record.colour_mbps()), 2),
             number(record.value(Metric::ColourY), 1),
             number(record.value(Metric::PointToSurface), 3),
+            number(record.value(Metric::DecodedToSource), 3),
             number(record.value(Metric::NormalError), 2),
             number(record.value(Metric::D2), 2),
             format!("{:.0}", record.prepare_ms.median + record.encode_ms.median),

@@ -1,41 +1,29 @@
 //! Draco as a user runs it, after simplification if asked for.
 
-use super::{DecodedFrame, EncodedFrame, Encoding, Memory, Stream, timed};
+use super::{DecodedFrame, EncodedFrame, Encoding, Memory, Stream, prepared_mesh, timed};
 use crate::StudyError;
-use crate::record::BytesByKind;
+use crate::record::{BytesByKind, ProgramUse};
+use isv::raw::io::Geometry;
 use isv::raw::volume::TriangleMesh;
-use isv_baseline::{Draco, simplify};
+use isv_baseline::Draco;
 
 pub(crate) struct DracoEncoding {
     faces_percent: u8,
-    bits: u8,
     stream: DracoStream,
 }
 
 impl DracoEncoding {
     pub(crate) fn new(draco: &Draco, faces_percent: u8, bits: u8, first_frame: usize) -> Self {
-        let stream = DracoStream { draco: draco.clone(), first_frame, frames: Vec::new() };
-        Self { faces_percent, bits, stream }
-    }
-
-    /// The mesh that Draco gets.
-    fn prepare(&self, mesh: &TriangleMesh) -> Result<TriangleMesh, StudyError> {
-        // Colour would be coded with the vertices.
-        let mesh = &TriangleMesh { appearance: None, ..mesh.clone() };
-        if self.faces_percent == 100 {
-            return Ok(mesh.clone());
-        }
-        let frame = self.stream.next_frame();
-        simplify(mesh, f64::from(self.faces_percent) / 100.0)
-            .map_err(|cause| StudyError::Simplify { frame, cause })
+        let stream = DracoStream { draco: draco.clone(), bits, first_frame, frames: Vec::new() };
+        Self { faces_percent, stream }
     }
 }
 
 impl Encoding for DracoEncoding {
     fn encode(&mut self, mesh: &TriangleMesh) -> Result<EncodedFrame, StudyError> {
-        let (mesh, prepare_ms) = timed(|| self.prepare(mesh));
         let frame = self.stream.next_frame();
-        let run = self.stream.draco.encode(&mesh?, self.bits);
+        let (mesh, prepare_ms) = timed(|| prepared_mesh(mesh, self.faces_percent, frame));
+        let run = self.stream.draco.encode(&mesh?, self.stream.bits);
         let run = run.map_err(|cause| StudyError::Draco { frame, cause })?;
         let bytes = run.output.len() as u64;
         self.stream.frames.push(run.output);
@@ -56,6 +44,7 @@ impl Encoding for DracoEncoding {
 /// One file a frame.
 struct DracoStream {
     draco: Draco,
+    bits: u8,
     first_frame: usize,
     frames: Vec<Vec<u8>>,
 }
@@ -76,6 +65,12 @@ impl Stream for DracoStream {
         None
     }
 
+    fn programs(&self) -> Vec<ProgramUse> {
+        // Neither program says its version.
+        let uses = |command| ProgramUse { version: String::new(), command, note: None };
+        Draco::commands(self.bits).map(uses).to_vec()
+    }
+
     fn decode(
         &self,
         _colour: bool,
@@ -83,7 +78,7 @@ impl Stream for DracoStream {
         Ok(Box::new((self.first_frame..).zip(&self.frames).map(|(frame, bytes)| {
             let run = self.draco.decode(bytes).map_err(|cause| StudyError::Draco { frame, cause })?;
             Ok(DecodedFrame {
-                mesh: run.output,
+                shape: Geometry::Mesh(run.output),
                 ms: run.ms,
                 memory: Memory::OfAProgram(run.peak_memory_bytes),
             })

@@ -11,6 +11,7 @@ use isv::raw::format::{
     ColourLayers, FrameRate, PacketReader, PacketWriter, PaperParameters, Profile, StreamHeader,
 };
 use isv::raw::ingest::mesh_colours;
+use isv::raw::io::Geometry;
 use isv::raw::take::add_tile_texture;
 use isv::raw::volume::TriangleMesh;
 
@@ -183,7 +184,12 @@ impl Stream for IsvStream {
                 Ok::<_, DecodeError>(mesh)
             });
             Some(
-                mesh.map(|mesh| DecodedFrame { mesh, ms, memory: Memory::OfThisProcess }).map_err(Into::into),
+                mesh.map(|mesh| DecodedFrame {
+                    shape: Geometry::Mesh(mesh),
+                    ms,
+                    memory: Memory::OfThisProcess,
+                })
+                .map_err(Into::into),
             )
         })))
     }

@@ -5,6 +5,7 @@ use super::{DecodedFrame, EncodedFrame, Encoding, Memory, Stream, timed};
 use crate::record::BytesByKind;
 use crate::{StudyError, StudySettings};
 use isv::raw::decode::Limits;
+use isv::raw::io::Geometry;
 use isv::raw::volume::TriangleMesh;
 use isv_baseline::{BlockBasis, TangDecoder, TangEncoder, TangSettings};
 
@@ -81,7 +82,7 @@ impl Stream for TangStream {
         let mut decoder = TangDecoder::new(&self.basis, self.settings, Limits::default());
         Ok(Box::new(self.frames.iter().map(move |bytes| {
             let (mesh, ms) = timed(|| decoder.decode(bytes).map(|volume| surface(&volume)));
-            Ok(DecodedFrame { mesh: mesh?, ms, memory: Memory::OfThisProcess })
+            Ok(DecodedFrame { shape: Geometry::Mesh(mesh?), ms, memory: Memory::OfThisProcess })
         })))
     }
 }

@@ -227,7 +227,7 @@ impl<'a> CellContexts<'a> {
     }
 }
 
-/// How many are set in a cube of some voxels a side of the layers of a block and its surroundings, from a place in them on.
+/// How many bits are set in a cube. `side`: its voxels along an axis. The place is that of its lowest voxel in the layers.
 fn count(layers: &[Layer; SIDE], [x, y, z]: [usize; 3], side: usize) -> u32 {
     let row = (1u16 << side) - 1;
     let rows = layers[z..z + side].iter().flat_map(|layer| &layer[y..y + side]);
