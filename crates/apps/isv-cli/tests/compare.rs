@@ -246,7 +246,7 @@ fn a_real_capture_is_studied() {
 fn write_stand_in(workspace: &Workspace, name: &str, script: &str) {
     use std::os::unix::fs::PermissionsExt;
     let version = "case $1 in --help) echo MPEG PCC tmc3 version release-v99.0; exit;; esac";
-    workspace.write(name, &format!("#!/bin/sh\n{version}\n{script}\n"));
+    workspace.write(name, format!("#!/bin/sh\n{version}\n{script}\n"));
     fs::set_permissions(workspace.path(name), fs::Permissions::from_mode(0o755)).unwrap();
 }
 
