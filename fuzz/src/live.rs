@@ -6,7 +6,7 @@ mod packets;
 mod range;
 
 use crate::differential::Trickle;
-use isv_format::{PacketReader, StreamHeader};
+use isv_format::{MOST_METADATA_BYTES, PacketHeader, PacketReader, StreamHeader};
 use packets::{Packets, Piece};
 use range::Selected;
 use std::io::Read;
@@ -40,6 +40,10 @@ fn pieces(source: impl Read) -> Vec<String> {
                 let read = read.expect("a packet").expect("a packet");
                 assert_eq!((read.total_bytes(), read.is_entry(&stream.profile)), (packet.len(), *entry));
                 assert!(read.payload.len() <= LARGEST_PAYLOAD as usize);
+            }
+            Piece::Metadata(packet) => {
+                assert!(stream.is_some(), "metadata comes after a stream header");
+                assert!(packet.len() <= PacketHeader::BYTES + MOST_METADATA_BYTES);
             }
             Piece::End | Piece::Damage(_) => {}
         }

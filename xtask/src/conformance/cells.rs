@@ -23,7 +23,10 @@ pub(super) fn streams() -> Result<Vec<(&'static str, Stream)>> {
         ("version_2_cells_resilient", encoded(8, gradual, (3, 2), balls(5))?),
         ("version_2_cells_noise", noise()?),
         ("version_2_cells_border_no_index", foreign(include_bytes!("cells_border.isv"))?),
-        ("version_2_cells_without_prediction_no_index", foreign(include_bytes!("cells_without_prediction.isv"))?),
+        (
+            "version_2_cells_without_prediction_no_index",
+            foreign(include_bytes!("cells_without_prediction.isv"))?,
+        ),
     ])
 }
 
