@@ -25,7 +25,7 @@ pub(crate) type Rows = [u8; 64];
 /// corners differ in sign and are all there and observed.
 #[must_use]
 pub fn crossed_corners(extended: &DecodedBlocks) -> Vec<(u32, VoxelMask)> {
-    in_blocks(extended, &BTreeMap::new(), corner_words, Within::Unsettled)
+    in_blocks(extended, &BTreeMap::new(), Wanted::Corners, Within::Unsettled)
 }
 
 /// The unsettled blocks of an extended volume, in order, where crossed cells begin, with the voxels that are the lowest corners of
@@ -35,14 +35,14 @@ pub fn crossed_cells(
     extended: &DecodedBlocks,
     unobserved: &BTreeMap<u32, VoxelMask>,
 ) -> Vec<(u32, VoxelMask)> {
-    in_blocks(extended, unobserved, cell_words, Within::Unsettled)
+    in_blocks(extended, unobserved, Wanted::Cells, Within::Unsettled)
 }
 
 /// The crossed cells of which a frame says whether they are drawn: those with a corner in an unsettled block. By the block of their
 /// lowest corners, in order, with these voxels.
 #[must_use]
 pub fn cells_at_unsettled(extended: &DecodedBlocks) -> Vec<(u32, VoxelMask)> {
-    in_blocks(extended, &BTreeMap::new(), cell_words, Within::Reach)
+    in_blocks(extended, &BTreeMap::new(), Wanted::Cells, Within::Reach)
 }
 
 /// The blocks of a frame where cells may begin that have a corner in an unsettled block, in order, with the lowest corners of these.
@@ -71,11 +71,20 @@ enum Within {
     Reach,
 }
 
-/// Wanted voxels by block, in order. `wanted`: those of a block by the crossed cells around it.
+/// Voxels that are looked for in a block.
+#[derive(Clone, Copy, Debug)]
+enum Wanted {
+    /// Corners of crossed cells.
+    Corners,
+    /// The lowest ones.
+    Cells,
+}
+
+/// Wanted voxels by block, in order.
 fn in_blocks(
     extended: &DecodedBlocks,
     unobserved: &BTreeMap<u32, VoxelMask>,
-    wanted: impl Fn(&CrossedCells) -> Bits + Copy + Send + Sync,
+    wanted: Wanted,
     within: Within,
 ) -> Vec<(u32, VoxelMask)> {
     let FrameBlocks { all, coded, unsettled, .. } = extended.sets();
@@ -204,7 +213,7 @@ fn is_mixed(around: &Neighbourhood, parts: &[Parts]) -> bool {
     inside & outside != 0
 }
 
-fn wanted_in(around: &Neighbourhood, signs: &[Signs], wanted: impl Fn(&CrossedCells) -> Bits) -> Bits {
+fn wanted_in(around: &Neighbourhood, signs: &[Signs], wanted: Wanted) -> Bits {
     vectorized(
         #[inline(always)]
         || {
@@ -215,7 +224,11 @@ fn wanted_in(around: &Neighbourhood, signs: &[Signs], wanted: impl Fn(&CrossedCe
                     (inside[slot], outside[slot]) = (&signs.inside, &signs.outside);
                 }
             }
-            wanted(&crossed(&layers(&inside), &layers(&outside)))
+            let crossed = crossed(&layers(&inside), &layers(&outside));
+            match wanted {
+                Wanted::Corners => corner_words(&crossed),
+                Wanted::Cells => cell_words(&crossed),
+            }
         },
     )
 }

@@ -152,8 +152,8 @@ impl<'a> CellContexts<'a> {
         self.finder.turn_to(coord);
         let around = self.finder.neighbourhood();
         let known = around.map(|block| self.known(block?));
-        let drawn = gathered(&known, |known| &known.drawn);
-        let undrawn = gathered(&known, |known| &known.undrawn);
+        let drawn = gathered(&known.map(|known| Some(&known?.drawn)));
+        let undrawn = gathered(&known.map(|known| Some(&known?.undrawn)));
         let has_undrawn = known.map(|known| known.is_some_and(|known| known.undrawn != [0; 64]));
         let behind = [12, 10, 4].into_iter().filter(|slot| has_undrawn[*slot]).count();
         let count = has_undrawn.into_iter().filter(|has| *has).count().min(5);
@@ -163,7 +163,7 @@ impl<'a> CellContexts<'a> {
             Some((reference, finder)) => {
                 finder.turn_to(coord);
                 let masks = masks_around(*reference, &finder.neighbourhood());
-                self.unobserved = gathered(&masks, |rows| rows);
+                self.unobserved = gathered(&masks.each_ref().map(Option::as_ref));
                 usize::from(masks[13].is_some())
             }
         };
@@ -234,12 +234,13 @@ fn count(layers: &[Layer; SIDE], [x, y, z]: [usize; 3], side: usize) -> u32 {
     rows.map(|bits| (bits >> x & row).count_ones()).sum()
 }
 
-/// The layers of a block and its surroundings, of what the blocks around it have.
-fn gathered<T>(around: &[Option<T>; 27], rows: impl Fn(&T) -> &Rows) -> [Layer; SIDE] {
+/// The layers of a block and its surroundings, of what the blocks around it have. Not inlined, as its code is long.
+#[inline(never)]
+fn gathered(around: &[Option<&Rows>; 27]) -> [Layer; SIDE] {
     if around.iter().all(Option::is_none) {
         return [[0; 24]; SIDE];
     }
-    layers(&std::array::from_fn(|slot| around[slot].as_ref().map_or(&[0; 64], &rows)))
+    layers(&around.map(|rows| rows.unwrap_or(&[0; 64])))
 }
 
 /// The masks of the blocks around one.
