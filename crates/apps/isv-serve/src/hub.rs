@@ -151,7 +151,9 @@ impl Hub {
     /// The packet of metadata, header and payload, has arrived: of a stream the first one counts.
     pub fn describe(&self, packet: &[u8]) {
         let message = message::metadata(packet);
-        self.update(|ring| drop(ring.metadata.get_or_insert(message)));
+        self.update(|ring| {
+            ring.metadata.get_or_insert(message);
+        });
     }
 
     /// A frame's packet, header and payload, has arrived. Those that follow a gap are dropped until an entry: a keyframe, or
