@@ -3,6 +3,8 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 export CARGO_INCREMENTAL=0
+# Debug information is two thirds of each test's file. Panics say their line without it.
+export CARGO_PROFILE_DEV_DEBUG=0 CARGO_PROFILE_DEV_STRIP=debuginfo
 mkdir -p target
 # Where Cargo leaves what tests and other steps run.
 built=$PWD/target/debug

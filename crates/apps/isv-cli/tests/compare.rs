@@ -89,6 +89,68 @@ fn a_study_without_colour_says_so() {
     assert!(said.contains("the frames have colour, but none of these codecs keeps it"), "{said}");
 }
 
+/// Whether the programs of `draco-video` are there; says so plainly if not.
+fn has_draco_and_video() -> bool {
+    let tools = isv_study::Tools::default();
+    let missing = [(Need::Draco, "draco_encoder"), (Need::Draco, "draco_decoder"), (Need::Media, "ffmpeg")];
+    let missing = missing.into_iter().find(|(_, name)| tools.find(name).is_none());
+    if let Some((need, name)) = missing {
+        skip(need, format!("{name} is not installed"));
+    }
+    missing.is_none()
+}
+
+#[test]
+fn meshes_with_texture_video_are_compared_and_shown() {
+    let Some(take) = capture("liam_textured") else { return };
+    if !has_draco_and_video() {
+        return;
+    }
+    let workspace = Workspace::with_painted_figure(1);
+    let take = take.to_str().unwrap().to_owned();
+    let study = |input: &str| {
+        let mut arguments = compare("draco-video,draco-video-25", &["--frames=10..13"]);
+        arguments[1] = input;
+        workspace.isv(&arguments).done()
+    };
+    study(&take);
+    let table = String::from_utf8(workspace.read("study/results.csv")).unwrap();
+    let names: Vec<_> = table.lines().next().unwrap().split(',').collect();
+    let column = |row: &str, name: &str| -> f64 {
+        let place = names.iter().position(|n| *n == name).unwrap();
+        row.split(',').nth(place).unwrap().parse().unwrap()
+    };
+    let rows: Vec<_> = table.lines().skip(1).collect();
+    assert_eq!(rows.len(), 4, "{table}");
+    for name in ["bytes_colour", "bytes", "colour_y_psnr_db", "colour_encode_ms"] {
+        assert!(rows.iter().all(|row| column(row, name) > 0.0), "{name}: {table}");
+    }
+    // Finer points have more bits and less error; a quarter of the faces takes less than half of the geometry's bytes.
+    let [fine, coarse, quarter, _] = rows[..] else { unreachable!() };
+    for name in ["mbps_geometry", "mbps_colour", "colour_y_psnr_db", "render_y_psnr_db"] {
+        assert!(column(fine, name) > column(coarse, name), "{name}: {table}");
+    }
+    assert!(column(fine, "colour_y_psnr_db") > 38.0, "{table}");
+    assert!(column(quarter, "mbps_geometry") < 0.5 * column(fine, "mbps_geometry"), "{table}");
+    assert!(column(quarter, "colour_y_psnr_db") > 30.0, "{table}");
+    let kept = workspace.names("study/points/draco-video");
+    assert_eq!(kept.iter().filter(|name| name.ends_with(".glb")).count(), 6, "{kept:?}");
+    assert!(workspace.read("study/sheet.png").starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn a_capture_without_a_texture_is_noted() {
+    if !has_draco_and_video() {
+        return;
+    }
+    let workspace = Workspace::with_painted_figure(1);
+    let output = workspace.command(&compare("paper-zero,draco-video", &[])).output().unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{stderr}");
+    assert!(stderr.contains("frame 0: it has no texture, or several"), "{stderr}");
+    assert_eq!(rows(&workspace).len(), 2);
+}
+
 #[test]
 fn a_study_goes_on_where_it_stopped() {
     let workspace = Workspace::with_figure(2);

@@ -4,9 +4,19 @@ use crate::ToolError;
 use crate::program::{ProgramRun, check_output, run_in};
 use isv_io::{Format, Geometry, Unit, read_geometry, write_points};
 use isv_volume::{PointCloud, Rgb, TriangleMesh};
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tempfile::TempDir;
+
+/// PNG file of one grey pixel, for programs that want a texture.
+pub(crate) const GREY_PIXEL: &[u8] = &[
+    0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a, 0x00, 0x00, 0x00, 0x0d, 0x49, 0x48, 0x44, 0x52, 0x00,
+    0x00, 0x00, 0x01, 0x00, 0x00, 0x00, 0x01, 0x08, 0x02, 0x00, 0x00, 0x00, 0x90, 0x77, 0x53, 0xde, 0x00,
+    0x00, 0x00, 0x0c, 0x49, 0x44, 0x41, 0x54, 0x78, 0x9c, 0x63, 0x68, 0x68, 0x68, 0x00, 0x00, 0x03, 0x04,
+    0x01, 0x81, 0x4b, 0xd3, 0xd2, 0x10, 0x00, 0x00, 0x00, 0x00, 0x49, 0x45, 0x4e, 0x44, 0xae, 0x42, 0x60,
+    0x82,
+];
 
 /// A folder with the files of one run, removed at the end.
 pub(crate) struct Bench {
@@ -73,6 +83,13 @@ impl Bench {
         let path = self.path(name);
         check_output(program, &path)?;
         Ok(std::fs::read(path)?)
+    }
+
+    /// A file that a program wrote, to be read piece by piece.
+    pub(crate) fn open(&self, program: &Path, name: &str) -> Result<File, ToolError> {
+        let path = self.path(name);
+        check_output(program, &path)?;
+        Ok(File::open(path)?)
     }
 
     /// Points of a file that a program wrote.

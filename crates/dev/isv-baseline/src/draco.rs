@@ -1,13 +1,15 @@
 //! Draco, the mesh codec, run as a program the way a user runs it.
 
 use crate::program::{ProgramError, ProgramRun, check_output, run};
+use crate::bench::GREY_PIXEL;
 use crate::tools::Tools;
 use isv_io::{Format, ReadError, Unit, WriteError, read_mesh, write_mesh};
-use isv_volume::{MeshError, TriangleMesh};
+use isv_volume::{Appearance, Material, MeshError, TriangleMesh};
 use std::borrow::Cow;
 use std::ffi::OsStr;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 use thiserror::Error;
 
@@ -88,6 +90,17 @@ impl Draco {
         ]
     }
 
+    /// Command lines of encoder and decoder for meshes with texture coordinates, as [`Self::commands`].
+    #[must_use]
+    pub fn commands_textured(position_bits: u8, coordinate_bits: u8) -> [String; 2] {
+        [
+            format!(
+                "draco_encoder -qp {position_bits} -qt {coordinate_bits} -cl {COMPRESSION_LEVEL} -i mesh.obj -o mesh.drc"
+            ),
+            "draco_decoder -i mesh.drc -o mesh.obj".to_owned(),
+        ]
+    }
+
     /// Encodes positions and triangles, not normals, at compression level 10. Positions are handed over in metres, rounded
     /// to `f32` and otherwise as they are; Draco quantizes them to `2^position_bits` steps of the longest side of their
     /// bounding box.
@@ -99,20 +112,84 @@ impl Draco {
     }
 
     fn encode_at(&self, mesh: &TriangleMesh, bits: u8, level: u8) -> Result<ProgramRun<Vec<u8>>, DracoError> {
-        if !Self::POSITION_BITS.contains(&bits) {
-            return Err(DracoError::PositionBits { bits });
-        }
-        mesh.validate()?;
+        Self::check(mesh, bits)?;
         let folder = tempfile::tempdir()?;
-        let [input, output, log] = ["mesh.ply", "mesh.drc", "log"].map(|name| folder.path().join(name));
+        let input = folder.path().join("mesh.ply");
         write_mesh(&input, &without_normals(mesh), Format::Ply)?;
-        let [bits, level] = [bits, level].map(|number| number.to_string());
-        let flags = ["-qp", &bits, "-cl", &level, "-i"].map(OsStr::new);
-        let arguments = [&flags[..], &[input.as_ref(), "-o".as_ref(), output.as_ref()]].concat();
-        let ProgramRun { ms, peak_memory_bytes, .. } = run(&self.encoder, &arguments, &log, self.limit)?;
+        self.run_encoder(&input, &["-qp", &bits.to_string(), "-cl", &level.to_string()])
+    }
+
+    /// Checks what is to be encoded.
+    fn check(mesh: &TriangleMesh, position_bits: u8) -> Result<(), DracoError> {
+        if !Self::POSITION_BITS.contains(&position_bits) {
+            return Err(DracoError::PositionBits { bits: position_bits });
+        }
+        Ok(mesh.validate()?)
+    }
+
+    /// Runs the encoder on a file, in whose folder it writes.
+    fn run_encoder(&self, input: &Path, flags: &[&str]) -> Result<ProgramRun<Vec<u8>>, DracoError> {
+        let [output, log] = ["mesh.drc", "log"].map(|name| input.with_file_name(name));
+        let flags: Vec<&OsStr> = flags.iter().map(OsStr::new).collect();
+        let files = ["-i".as_ref(), input.as_os_str(), "-o".as_ref(), output.as_os_str()];
+        let ProgramRun { ms, peak_memory_bytes, .. } =
+            run(&self.encoder, &[&flags[..], &files].concat(), &log, self.limit)?;
         check_output(&self.encoder, &output)?;
-        let output = std::fs::read(output)?;
-        folder.close()?;
+        Ok(ProgramRun { output: std::fs::read(output)?, ms, peak_memory_bytes })
+    }
+
+    /// Runs the decoder in a folder; it writes a file of this name.
+    fn run_decoder(&self, folder: &Path, name: &str, bytes: &[u8]) -> Result<ProgramRun<PathBuf>, DracoError> {
+        let [input, output, log] = ["mesh.drc", name, "log"].map(|name| folder.join(name));
+        std::fs::write(&input, bytes)?;
+        let arguments = ["-i".as_ref(), input.as_os_str(), "-o".as_ref(), output.as_os_str()];
+        let ProgramRun { ms, peak_memory_bytes, .. } = run(&self.decoder, &arguments, &log, self.limit)?;
+        check_output(&self.decoder, &output)?;
+        Ok(ProgramRun { output, ms, peak_memory_bytes })
+    }
+
+    /// Encodes a mesh as [`Self::encode`] does, with its texture coordinates, which Draco quantizes to `2^coordinate_bits` steps
+    /// of the longer side of their bounding box. Its image is not coded.
+    ///
+    /// # Errors
+    /// See [`DracoError`].
+    pub fn encode_textured(
+        &self,
+        mesh: &TriangleMesh,
+        position_bits: u8,
+        coordinate_bits: u8,
+    ) -> Result<ProgramRun<Vec<u8>>, DracoError> {
+        Self::check(mesh, position_bits)?;
+        let folder = tempfile::tempdir()?;
+        let input = folder.path().join("mesh.obj");
+        write_mesh(&input, &with_coordinates_alone(mesh), Format::Obj)?;
+        // Draco would code the number of the material with each face.
+        let text = std::fs::read_to_string(&input)?;
+        let names_material = |line: &&str| line.starts_with("mtllib") || line.starts_with("usemtl");
+        let lines: Vec<&str> = text.lines().filter(|line| !names_material(line)).collect();
+        std::fs::write(&input, lines.join("\n"))?;
+        let [positions, coordinates, level] =
+            [position_bits, coordinate_bits, COMPRESSION_LEVEL].map(|number| number.to_string());
+        self.run_encoder(&input, &["-qp", &positions, "-qt", &coordinates, "-cl", &level])
+    }
+
+    /// Decodes what [`Self::encode_textured`] made: positions in metres, texture coordinates, and one white material.
+    ///
+    /// # Errors
+    /// See [`DracoError`].
+    pub fn decode_textured(&self, bytes: &[u8]) -> Result<ProgramRun<TriangleMesh>, DracoError> {
+        let folder = tempfile::tempdir()?;
+        let ProgramRun { output: path, ms, peak_memory_bytes } =
+            self.run_decoder(folder.path(), "mesh.obj", bytes)?;
+        // Texture coordinates are read of faces that have a texture.
+        let text = std::fs::read(&path)?;
+        std::fs::write(&path, [b"mtllib mesh.mtl\nusemtl texture\n", &text[..]].concat())?;
+        std::fs::write(folder.path().join("mesh.mtl"), "newmtl texture\nmap_Kd mesh.png\n")?;
+        std::fs::write(folder.path().join("mesh.png"), GREY_PIXEL)?;
+        let mut output = read_mesh(&path, Unit::Metre)?;
+        if let Some(appearance) = &mut output.appearance {
+            Arc::make_mut(appearance).materials = vec![Material::default()];
+        }
         Ok(ProgramRun { output, ms, peak_memory_bytes })
     }
 
@@ -122,15 +199,22 @@ impl Draco {
     /// See [`DracoError`].
     pub fn decode(&self, bytes: &[u8]) -> Result<ProgramRun<TriangleMesh>, DracoError> {
         let folder = tempfile::tempdir()?;
-        let [input, output, log] = ["mesh.drc", "mesh.ply", "log"].map(|name| folder.path().join(name));
-        std::fs::write(&input, bytes)?;
-        let arguments = ["-i".as_ref(), input.as_os_str(), "-o".as_ref(), output.as_os_str()];
-        let ProgramRun { ms, peak_memory_bytes, .. } = run(&self.decoder, &arguments, &log, self.limit)?;
-        check_output(&self.decoder, &output)?;
-        let output = read_mesh(&output, Unit::Metre)?;
-        folder.close()?;
-        Ok(ProgramRun { output, ms, peak_memory_bytes })
+        let ProgramRun { output: path, ms, peak_memory_bytes } =
+            self.run_decoder(folder.path(), "mesh.ply", bytes)?;
+        Ok(ProgramRun { output: read_mesh(&path, Unit::Metre)?, ms, peak_memory_bytes })
     }
+}
+
+/// The mesh with all that [`Draco::encode_textured`] codes: positions, triangles, texture coordinates under one white material.
+fn with_coordinates_alone(mesh: &TriangleMesh) -> TriangleMesh {
+    let coordinates = mesh.appearance.as_ref().map(|appearance| appearance.texture_coordinates.clone());
+    let appearance = Appearance {
+        texture_coordinates: coordinates.unwrap_or_default(),
+        materials: vec![Material::default()],
+        ..Appearance::default()
+    };
+    let TriangleMesh { vertices, triangles, .. } = mesh.clone();
+    TriangleMesh { vertices, normals: Vec::new(), triangles, appearance: Some(Arc::new(appearance)) }
 }
 
 fn without_normals(mesh: &TriangleMesh) -> Cow<'_, TriangleMesh> {

@@ -2,15 +2,20 @@
 
 use glam::{DVec3, Vec3};
 use isv_simplify::{weld, without_unused};
-use isv_volume::{MeshError, TriangleMesh};
+use isv_volume::{Appearance, MeshError, TriangleMesh};
 use meshoptimizer_rs::{
-    Positions, PositionsMut, SimplifyOptions, SimplifySettings, Workspace, simplify_into,
+    AttributesMut, Positions, PositionsMut, SimplifyOptions, SimplifySettings, Workspace, simplify_into,
     simplify_with_update,
 };
+use std::collections::HashMap;
+use std::sync::Arc;
 use thiserror::Error;
 
 /// Largest error allowed, in extents of the mesh: none that stops the simplifier before the share is reached.
 const ANY_ERROR: f32 = 1e6;
+
+/// Weight of texture coordinates, of which the texture's side is 1, against positions, of which the mesh's extent is 1.
+const COORDINATE_WEIGHT: f32 = 0.5;
 
 /// A mesh that cannot be simplified.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
@@ -39,6 +44,64 @@ pub enum SimplifyError {
 /// See [`SimplifyError`].
 pub fn simplify(mesh: &TriangleMesh, share: f64) -> Result<TriangleMesh, SimplifyError> {
     simplify_with(mesh, share, METHOD)
+}
+
+/// Keeps a share of a mesh's faces as [`simplify`] does, and the texture coordinates of their corners.
+///
+/// Corners at one position with different coordinates (seams of the texture) move together. The error of coordinates counts with that
+/// of positions. The mesh keeps its materials; faces no longer tell which one is theirs.
+///
+/// # Errors
+/// See [`SimplifyError`].
+///
+/// # Panics
+/// If the mesh has no texture coordinates.
+pub fn simplify_textured(mesh: &TriangleMesh, share: f64) -> Result<TriangleMesh, SimplifyError> {
+    if !(0.0..=1.0).contains(&share) {
+        return Err(SimplifyError::Share { share });
+    }
+    mesh.validate()?;
+    let appearance = mesh.appearance.as_ref().expect("a mesh with a texture");
+    let coordinates_of = &appearance.texture_coordinates;
+    assert_eq!(coordinates_of.len(), mesh.triangles.len(), "each face has texture coordinates");
+    let faces = (mesh.triangles.len() as f64 * share).round() as usize;
+    let (low, high) = mesh.bounds().expect("a valid mesh has vertices");
+    let centre = (low + high) / 2.0;
+    // A vertex for each pair of a position and a coordinate.
+    let mut vertices = HashMap::new();
+    let (mut positions, mut coordinates): (Vec<[f32; 3]>, Vec<[f32; 2]>) = Default::default();
+    let mut corners = Vec::with_capacity(3 * mesh.triangles.len());
+    for (triangle, at) in mesh.triangles.iter().zip(coordinates_of) {
+        for (vertex, coordinate) in triangle.iter().zip(at) {
+            let position = (mesh.vertices[*vertex as usize] - centre).as_vec3().to_array();
+            let key = (position.map(f32::to_bits), coordinate.map(f32::to_bits));
+            corners.push(*vertices.entry(key).or_insert_with(|| {
+                positions.push(position);
+                coordinates.push(*coordinate);
+                positions.len() as u32 - 1
+            }));
+        }
+    }
+    let settings =
+        SimplifySettings { target_index_count: 3 * faces, target_error: ANY_ERROR, options: METHOD.options };
+    let count = coordinates.len();
+    let attributes = AttributesMut::from_interleaved(coordinates.as_flattened_mut(), count, 2, 2, 0);
+    let left = simplify_with_update(
+        &mut corners,
+        &mut PositionsMut::from_packed(&mut positions),
+        Some(&mut attributes.map_err(SimplifyError::Simplifier)?),
+        &[COORDINATE_WEIGHT; 2],
+        None,
+        settings,
+        &mut Workspace::default(),
+    )
+    .map_err(SimplifyError::Simplifier)?;
+    let triangles = corners[..left.index_count].as_chunks().0;
+    let texture_coordinates = triangles.iter().map(|t| t.map(|v| coordinates[v as usize])).collect();
+    let all: Vec<DVec3> = positions.iter().map(|p| Vec3::from_array(*p).as_dvec3() + centre).collect();
+    let materials = appearance.materials.clone();
+    let appearance = Appearance { texture_coordinates, materials, ..Appearance::default() };
+    Ok(TriangleMesh { appearance: Some(Arc::new(appearance)), ..without_unused(&all, triangles) })
 }
 
 /// How the simplifier is used.
@@ -166,6 +229,20 @@ mod tests {
             assert!(simplified.vertices.iter().all(|v| (v.length() - 1.0).abs() < 0.02));
             assert_eq!(connected_components(&simplified), 1, "welded at the seam");
         }
+    }
+
+    #[test]
+    fn texture_coordinates_stay_where_they_are() {
+        let square = support::textured_square(40);
+        let simplified = simplify_textured(&square, 0.1).unwrap();
+        simplified.validate().unwrap();
+        assert!(simplified.triangles.len() * 5 < square.triangles.len(), "{}", simplified.triangles.len());
+        let farthest = support::farthest_coordinate(&simplified);
+        assert!(farthest < 1e-3, "{farthest}");
+        // The seam does not open.
+        assert_eq!(connected_components(&weld(&simplified)), 1);
+        assert!((simplified.area() - 1.0).abs() < 1e-3);
+        assert!(matches!(simplify_textured(&square, 2.0), Err(SimplifyError::Share { .. })));
     }
 
     /// So far from the origin an f32 is good for metres only.

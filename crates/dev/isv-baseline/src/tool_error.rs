@@ -68,6 +68,14 @@ pub enum ToolError {
         /// What was expected.
         expected: &'static str,
     },
+    /// A picture of another size than the first of its video.
+    #[error("a texture of {} x {} pixels in a video of {} x {}", size[0], size[1], expected[0], expected[1])]
+    PictureSize {
+        /// Its width and height in pixels.
+        size: [u32; 2],
+        /// Width and height of the video.
+        expected: [u32; 2],
+    },
 }
 
 impl ToolError {
@@ -75,7 +83,7 @@ impl ToolError {
     #[must_use]
     pub fn is_of_all_settings(&self) -> bool {
         match self {
-            Self::Version { .. } | Self::Configuration { .. } | Self::Mesh(_) => true,
+            Self::Version { .. } | Self::Configuration { .. } | Self::Mesh(_) | Self::PictureSize { .. } => true,
             Self::Program(error) => {
                 matches!(error, ProgramError::Run { .. } | ProgramError::TooLong { .. })
             }

@@ -37,9 +37,10 @@ pub enum UnusableTool {
 
 impl Tools {
     /// Names of all programs.
-    pub const NAMES: [&str; 8] = [
+    pub const NAMES: [&str; 9] = [
         "draco_encoder",
         "draco_decoder",
+        "ffmpeg",
         "gltfpack",
         "tmc3",
         "PccAppEncoder",
@@ -146,7 +147,7 @@ mod tests {
         tools.set("tmc3", &shell).unwrap();
         assert_eq!(tools.find("tmc3"), Some(shell.clone()));
         let unknown = tools.set("tmc4", &shell).unwrap_err().to_string();
-        assert!(unknown.contains("\"tmc4\"") && unknown.contains("gltfpack, tmc3"), "{unknown}");
+        assert!(unknown.contains("\"tmc4\"") && unknown.contains("ffmpeg, gltfpack, tmc3"), "{unknown}");
         let missing = tools.set("gltfpack", Path::new("no/such/file")).unwrap_err();
         assert_eq!(missing.to_string(), "no/such/file: not an executable file");
     }

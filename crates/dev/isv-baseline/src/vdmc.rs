@@ -1,6 +1,6 @@
 //! The test model of MPEG's V-DMC, run as programs the way its test conditions run them.
 
-use crate::bench::{Bench, ToolRun, command_line};
+use crate::bench::{Bench, GREY_PIXEL, ToolRun, command_line};
 use crate::tools::{ToolVersion, Tools, folder_above};
 use crate::{Lattice, ToolError};
 use isv_io::{Format, write_mesh};
@@ -13,15 +13,6 @@ const TIME_LIMIT: Duration = Duration::from_secs(4 * 3600);
 
 /// A file by which the folder of configurations is known; the video encoder of displacements reads it.
 const CONFIGURATION: &str = "hm/displacements-ai.cfg";
-
-/// A grey picture of 1 pixel: the encoder reads a texture even if it is told to code none.
-const TEXTURE: &[u8] = &[
-    0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a, 0x00, 0x00, 0x00, 0x0d, 0x49, 0x48, 0x44, 0x52, 0x00,
-    0x00, 0x00, 0x01, 0x00, 0x00, 0x00, 0x01, 0x08, 0x02, 0x00, 0x00, 0x00, 0x90, 0x77, 0x53, 0xde, 0x00,
-    0x00, 0x00, 0x0c, 0x49, 0x44, 0x41, 0x54, 0x78, 0x9c, 0x63, 0x68, 0x68, 0x68, 0x00, 0x00, 0x03, 0x04,
-    0x01, 0x81, 0x4b, 0xd3, 0xd2, 0x10, 0x00, 0x00, 0x00, 0x00, 0x49, 0x45, 0x4e, 0x44, 0xae, 0x42, 0x60,
-    0x82,
-];
 
 /// Settings of a rate.
 struct Rate {
@@ -108,7 +99,8 @@ impl Vdmc {
             };
             write_mesh(&bench.path(&format!("mesh_{frame:04}.obj")), &on_lattice, Format::Obj)?;
         }
-        std::fs::write(bench.path("texture.png"), TEXTURE)?;
+        // The encoder reads a texture even if it is told to code none.
+        std::fs::write(bench.path("texture.png"), GREY_PIXEL)?;
         let run = bench.run(&self.encoder, &self.encoder_arguments(frames.len(), rate), self.limit)?;
         let bytes = bench.read(&self.encoder, "take.vmesh")?;
         let cfg = self.configurations.display().to_string();

@@ -60,6 +60,22 @@ fn a_capture_comes_back() {
 }
 
 #[test]
+fn texture_coordinates_come_back() {
+    let Some(draco) = installed() else { return };
+    let square = support::textured_square(20);
+    let encoded = draco.encode_textured(&square, 12, 14).unwrap();
+    let decoded = draco.decode_textured(&encoded.output).unwrap().output;
+    assert_eq!(decoded.triangles.len(), square.triangles.len());
+    // Half a step of positions and half a step of coordinates, which span 3.
+    let most = 0.5 / 4095.0 + 1.5 / 16_383.0 + 1e-5;
+    let farthest = support::farthest_coordinate(&decoded);
+    assert!(farthest <= most, "{farthest}");
+    let coarser = draco.encode_textured(&square, 12, 8).unwrap();
+    assert!(coarser.output.len() < encoded.output.len());
+    assert!(matches!(draco.encode_textured(&square, 31, 12), Err(DracoError::PositionBits { .. })));
+}
+
+#[test]
 fn normals_are_not_coded() {
     let Some(draco) = installed() else { return };
     let plain = isv_testkit::cube(1.0);

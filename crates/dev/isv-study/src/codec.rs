@@ -3,7 +3,7 @@
 use isv::raw::encode::{MotionMode, Preset};
 use isv::raw::format::Prediction;
 use isv::raw::volume::{Grid, TriangleMesh};
-use isv_baseline::{Draco, Gltfpack, Tmc2, Tmc13, Vdmc};
+use isv_baseline::{Draco, Gltfpack, TextureVideo, Tmc2, Tmc13, Vdmc};
 use std::fmt;
 use std::str::FromStr;
 use thiserror::Error;
@@ -19,6 +19,12 @@ pub enum Codec {
     Tang(Training),
     /// Google Draco on each frame's mesh, first simplified to a share of its faces, in percent.
     Draco {
+        /// 100 for the mesh as it is.
+        faces_percent: u8,
+    },
+    /// Draco on each frame's mesh with its texture coordinates, first simplified to a share of its faces in percent, and the textures
+    /// as H.264 video.
+    DracoVideo {
         /// 100 for the mesh as it is.
         faces_percent: u8,
     },
@@ -79,6 +85,13 @@ pub enum OperatingPoint {
     },
     /// Bits of a quantized coordinate; the longest side of the bounding box spans `2^bits - 1` steps.
     PositionBits(u8),
+    /// Bits of a coordinate as of [`Self::PositionBits`], and the quality of the video beside it.
+    BitsAndVideo {
+        /// Bits of a quantized coordinate.
+        bits: u8,
+        /// x264's constant rate factor.
+        crf: u8,
+    },
     /// Voxels in nodes of triangles.
     Nodes {
         /// Bits of a voxel's coordinate, as of [`Self::PositionBits`].
@@ -145,6 +158,9 @@ const MAIN_STEPS_VOXELS: [f64; POINTS] = [0.9, 1.4, 2.2, 3.5, 5.5];
 /// Draco's bits beyond those that make its step a voxel: a mesh needs finer positions than a volume needs voxels.
 const BITS_BEYOND_A_VOXEL: [i32; POINTS] = [3, 2, 1, 0, -1];
 
+/// Constant rate factors of textures as video, beside the bits of positions.
+const TEXTURE_CRF: [u8; POINTS] = [18, 23, 28, 33, 38];
+
 /// Bits of voxels beyond those that make them isv's: as MPEG's test conditions have 10 bits for people.
 const POINT_BITS_BEYOND_A_VOXEL: i32 = 2;
 
@@ -153,7 +169,7 @@ const NODES: [(i32, u8); POINTS] = [(1, 2), (1, 3), (1, 4), (0, 4), (0, 5)];
 
 impl Codec {
     /// All of them, in the order of legends and tables.
-    pub const ALL: [Self; 21] = [
+    pub const ALL: [Self; 23] = [
         Self::Paper(MotionMode::Fixed(Prediction::None)),
         Self::Paper(MotionMode::Fixed(Prediction::ZeroMotion)),
         Self::Paper(MotionMode::Fixed(Prediction::ThreeDof)),
@@ -169,6 +185,8 @@ impl Codec {
         Self::Draco { faces_percent: 25 },
         Self::Draco { faces_percent: 10 },
         Self::Draco { faces_percent: 5 },
+        Self::DracoVideo { faces_percent: 100 },
+        Self::DracoVideo { faces_percent: 25 },
         Self::Gltfpack { faces_percent: 100 },
         Self::Gltfpack { faces_percent: 25 },
         Self::Tmc13(PointGeometry::Octree),
@@ -183,6 +201,9 @@ impl Codec {
         match self {
             Self::Paper(_) | Self::Main(_) | Self::Tang(_) => &[],
             Self::Draco { .. } => &Draco::PROGRAMS,
+            Self::DracoVideo { .. } => {
+                const { &[Draco::PROGRAMS[0], Draco::PROGRAMS[1], TextureVideo::PROGRAM] }
+            }
             Self::Gltfpack { .. } => &[Gltfpack::PROGRAM],
             Self::Tmc13(_) => &[Tmc13::PROGRAM],
             Self::Tmc2 => &Tmc2::PROGRAMS,
@@ -226,6 +247,15 @@ impl Codec {
             Self::Draco { faces_percent: 100 } => "Google Draco, every frame alone".to_owned(),
             Self::Draco { faces_percent } => {
                 format!("quadric simplification to {faces_percent} % of the faces, then Draco, every frame alone")
+            }
+            Self::DracoVideo { faces_percent: 100 } => {
+                "Google Draco with texture coordinates, every frame alone, and textures as H.264 video (x264)".to_owned()
+            }
+            Self::DracoVideo { faces_percent } => {
+                format!(
+                    "quadric simplification to {faces_percent} % of the faces, then Draco with texture coordinates, every \
+                     frame alone, and textures as H.264 video (x264)"
+                )
             }
             Self::Gltfpack { faces_percent: 100 } => {
                 "meshoptimizer's gltfpack (KHR_mesh_quantization and meshopt compression), then gzip, every frame alone"
@@ -278,6 +308,10 @@ impl Codec {
                 step_m: UNIFORM_STEPS_VOXELS[i] * scale.voxel_m,
             },
             Self::Draco { .. } => OperatingPoint::PositionBits(scale.bits(BITS_BEYOND_A_VOXEL[i], 20)),
+            Self::DracoVideo { .. } => OperatingPoint::BitsAndVideo {
+                bits: scale.bits(BITS_BEYOND_A_VOXEL[i], 20),
+                crf: TEXTURE_CRF[i],
+            },
             Self::Gltfpack { .. } => OperatingPoint::PositionBits(scale.bits(BITS_BEYOND_A_VOXEL[i], 16)),
             Self::Tmc13(PointGeometry::Octree) => {
                 OperatingPoint::PositionBits(scale.bits(BITS_BEYOND_A_VOXEL[i], 16))
@@ -308,6 +342,8 @@ impl fmt::Display for Codec {
             Self::Tang(Training::CrossScene) => f.write_str("tang-cross"),
             Self::Draco { faces_percent: 100 } => f.write_str("draco"),
             Self::Draco { faces_percent } => write!(f, "draco-{faces_percent}"),
+            Self::DracoVideo { faces_percent: 100 } => f.write_str("draco-video"),
+            Self::DracoVideo { faces_percent } => write!(f, "draco-video-{faces_percent}"),
             Self::Gltfpack { faces_percent: 100 } => f.write_str("gltfpack"),
             Self::Gltfpack { faces_percent } => write!(f, "gltfpack-{faces_percent}"),
             Self::Tmc13(PointGeometry::Octree) => f.write_str("tmc13-octree"),
@@ -336,6 +372,7 @@ impl fmt::Display for OperatingPoint {
             Self::Step { step_m } => write!(f, "step{}mm", mm(step_m)),
             Self::UniformStep { coefficients, step_m } => write!(f, "k{coefficients}-step{}mm", mm(step_m)),
             Self::PositionBits(bits) => write!(f, "{bits}-bit"),
+            Self::BitsAndVideo { bits, crf } => write!(f, "{bits}-bit-crf{crf}"),
             Self::Nodes { bits, size_log2 } => write!(f, "{bits}-bit-node{}", 1u32 << size_log2),
             Self::TestRate { bits, rate } => write!(f, "{bits}-bit-r{rate}"),
         }

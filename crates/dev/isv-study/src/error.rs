@@ -66,6 +66,12 @@ pub enum StudyError {
         /// What it says.
         cause: DracoError,
     },
+    /// A frame without a texture, for a codec of textures.
+    #[error("frame {frame}: it has no texture, or several; this codec needs exactly one")]
+    NoTexture {
+        /// Number of the frame in the take.
+        frame: usize,
+    },
     /// The program of another codec failed at a frame.
     #[error("frame {frame}: {cause}")]
     Tool {
@@ -118,7 +124,7 @@ impl StudyError {
     pub fn is_of_all_points(&self) -> bool {
         match self {
             Self::Take(_) | Self::NoFrames { .. } | Self::NoTraining | Self::Training { .. } => true,
-            Self::Ingest { .. } | Self::Simplify { .. } => true,
+            Self::Ingest { .. } | Self::Simplify { .. } | Self::NoTexture { .. } => true,
             Self::Draco { cause, .. } => {
                 matches!(cause, DracoError::Program(ProgramError::Run { .. } | ProgramError::TooLong { .. }))
             }

@@ -4,7 +4,7 @@ use crate::codec::PointGeometry;
 use crate::memory::{peak_bytes, reset_peak};
 use crate::record::Timing;
 use crate::session::{
-    DracoEncoding, Encoding, GltfpackEncoding, IsvEncoding, Memory, Stream, TangEncoding, Tmc2Encoding,
+    DracoEncoding, DracoVideoEncoding, Encoding, GltfpackEncoding, IsvEncoding, Memory, Stream, TangEncoding, Tmc2Encoding,
     Tmc13Encoding, VdmcEncoding,
 };
 use crate::{Codec, OperatingPoint, Record, Scale, StudyError, Training};
@@ -15,7 +15,10 @@ use isv::raw::metrics::{
     ColourError, CompareOptions, GeometryError, Shape, colour_summary, compare, compare_colours, summary,
 };
 use isv::raw::volume::TriangleMesh;
-use isv_baseline::{BlockBasis, BlockMoments, Draco, Gltfpack, Tmc2, Tmc13, Tmc13Geometry, Tools, Vdmc};
+use isv_baseline::{
+    BlockBasis, BlockMoments, Draco, Gltfpack, TextureVideo, Tmc2, Tmc13, Tmc13Geometry, Tools, Vdmc,
+    VideoSettings,
+};
 
 /// An error of whoever provides a take.
 pub type TakeError = Box<dyn std::error::Error + Send + Sync>;
@@ -57,6 +60,14 @@ pub struct StudySettings {
 }
 
 impl StudySettings {
+    /// Places in a take of so many frames of those that a contact sheet shows, each once.
+    #[must_use]
+    pub fn sheet_frames(&self, frames: usize) -> Vec<usize> {
+        let mut shown = vec![0, self.picture_frame, frames.saturating_sub(1)];
+        shown.dedup();
+        shown
+    }
+
     /// Settings of published codecs, which make shells of open surfaces (Eq. 9) unless another way was asked for.
     #[must_use]
     pub fn published_ingest(&self) -> MeshIngest {
@@ -82,6 +93,7 @@ enum Needed {
     Basis(Box<BlockBasis>),
     /// The programs of another codec.
     Draco(Draco),
+    DracoVideo(Draco, TextureVideo),
     Gltfpack(Gltfpack),
     Tmc13(Tmc13),
     Tmc2(Tmc2),
@@ -96,6 +108,9 @@ pub struct Measured {
     pub picture: Geometry,
     /// The stream, where other commands can read it.
     pub isv_file: Option<Vec<u8>>,
+    /// Decoded frames with colour of a stream that other commands cannot read, each with its place in the take: those of
+    /// [`StudySettings::sheet_frames`].
+    pub coloured_frames: Vec<(usize, TriangleMesh)>,
 }
 
 impl<'a> Subject<'a> {
@@ -118,6 +133,9 @@ impl<'a> Subject<'a> {
             Codec::Tang(Training::CrossScene) if training.is_empty() => return Err(StudyError::NoTraining),
             Codec::Tang(Training::CrossScene) => Some(basis(training)?),
             Codec::Draco { .. } => Draco::find_in(tools).map(Needed::Draco),
+            Codec::DracoVideo { .. } => Draco::find_in(tools)
+                .zip(TextureVideo::find(tools)?)
+                .map(|(draco, video)| Needed::DracoVideo(draco, video)),
             Codec::Gltfpack { .. } => Gltfpack::find(tools)?.map(Needed::Gltfpack),
             Codec::Tmc13(_) => Tmc13::find(tools)?.map(Needed::Tmc13),
             Codec::Tmc2 => Tmc2::find(tools)?.map(Needed::Tmc2),
@@ -150,6 +168,14 @@ impl<'a> Subject<'a> {
             }
             (Codec::Draco { faces_percent }, OperatingPoint::PositionBits(bits), Needed::Draco(draco)) => {
                 Box::new(DracoEncoding::new(draco, faces_percent, bits, first))
+            }
+            (
+                Codec::DracoVideo { faces_percent },
+                OperatingPoint::BitsAndVideo { bits, crf },
+                Needed::DracoVideo(draco, video),
+            ) => {
+                let texture = VideoSettings { crf, gop: settings.gop, frame_rate: self.take.frame_rate() };
+                Box::new(DracoVideoEncoding::new(draco, video, faces_percent, bits, texture, first)?)
             }
             (
                 Codec::Gltfpack { faces_percent },
@@ -190,7 +216,7 @@ impl<'a> Subject<'a> {
     pub fn measure(&self, point: OperatingPoint, step: &mut dyn FnMut()) -> Result<Measured, StudyError> {
         let encoded = self.encode(point, step)?;
         let decoded = time_decoding(&*encoded.stream)?;
-        let Compared { frame_errors, frame_colour_errors, picture } =
+        let Compared { frame_errors, frame_colour_errors, picture, coloured_frames } =
             self.compare_frames(&*encoded.stream, step)?;
         let frames = encoded.frame_bytes.len();
         if frame_errors.len() != frames {
@@ -222,6 +248,7 @@ impl<'a> Subject<'a> {
             record,
             picture: picture.ok_or_else(no_frames)?,
             isv_file: encoded.stream.isv_file().map(<[u8]>::to_vec),
+            coloured_frames,
         })
     }
 
@@ -247,6 +274,7 @@ impl<'a> Subject<'a> {
                 .map(|i| stream.bytes() / frames + u64::from(i < stream.bytes() % frames))
                 .collect();
             encode_ms = vec![whole.encode_ms / frames as f64; frame_bytes.len()];
+            colour_ms = whole.colour_ms.map_or(Vec::new(), |ms| vec![ms / frames as f64; frame_bytes.len()]);
             memory.push(whole.memory);
         }
         Ok(Encoded {
@@ -262,6 +290,7 @@ impl<'a> Subject<'a> {
     /// Decodes again, with colour, and compares.
     fn compare_frames(&self, stream: &dyn Stream, step: &mut dyn FnMut()) -> Result<Compared, StudyError> {
         let mut compared = Compared::default();
+        let sheet_frames = self.settings.sheet_frames(self.take.frames());
         for (original, decoded) in self.take.meshes().map_err(StudyError::Take)?.zip(stream.decode(true)?) {
             let (original, decoded) = (original.map_err(StudyError::Take)?, decoded?);
             let frame = compared.frame_errors.len();
@@ -275,6 +304,13 @@ impl<'a> Subject<'a> {
             compared.frame_errors.push(compare(&original, test, options).map_err(in_frame)?);
             let colours = compare_colours(&original, test, options).map_err(in_frame)?;
             compared.frame_colour_errors.push(colours);
+            if let Geometry::Mesh(mesh) = &decoded.shape
+                && mesh.appearance.is_some()
+                && stream.isv_file().is_none()
+                && sheet_frames.contains(&frame)
+            {
+                compared.coloured_frames.push((frame, mesh.clone()));
+            }
             if frame == self.settings.picture_frame {
                 compared.picture = Some(decoded.shape);
             }
@@ -324,6 +360,8 @@ struct Compared {
     frame_colour_errors: Vec<ColourError>,
     /// The decoded picture frame.
     picture: Option<Geometry>,
+    /// As [`Measured::coloured_frames`].
+    coloured_frames: Vec<(usize, TriangleMesh)>,
 }
 
 /// What decoding took.

@@ -19,7 +19,7 @@ pub enum Metric {
     D2,
     /// PSNR of luma at points of the decoded surface.
     ColourY,
-    /// PSNR of luma in pictures from six sides.
+    /// PSNR of luma in pictures from six sides, which stands against the rate of geometry and colour together.
     RenderY,
 }
 
@@ -31,7 +31,7 @@ impl Metric {
     /// Measures of colour, for codecs and captures that have any.
     pub const COLOUR: [Self; 2] = [Self::ColourY, Self::RenderY];
 
-    /// Whether it measures colour, so that the rate it stands against is that of colour.
+    /// Whether it measures colour.
     #[must_use]
     pub fn is_of_colour(self) -> bool {
         Self::COLOUR.contains(&self)
@@ -63,7 +63,7 @@ impl Metric {
             Self::D1 => "D1 PSNR",
             Self::D2 => "D2 PSNR",
             Self::ColourY => "Colour at the surface",
-            Self::RenderY => "Colour in pictures",
+            Self::RenderY => "Pictures, for the rate of all",
         }
     }
 

@@ -51,9 +51,9 @@ const RATES: &str = "Every byte that a decoder needs is counted, except a traine
                      encoded, decoded from its bytes and compared with what went in. Rates are on a logarithmic axis. Point at \
                      a dot for its settings.";
 
-const COLOURS: &str = "Rates are those of colour alone. Errors are measured where both the capture and the stream have colour: at \
-                       points of the decoded surface, and in pictures from six sides. Colour has the quality of the geometry at \
-                       the same point.";
+const COLOURS: &str = "Errors are measured where both the capture and the stream have colour. At points of the decoded surface they \
+                       stand against the rate of colour; in pictures from six sides, which show the geometry too, against the \
+                       rate of both. isv's colour has the quality of the geometry at the same point.";
 
 const NO_COLOURS: &str = "There is no colour to compare: the capture has none, or no codec of this study keeps it. Profile main does.";
 

@@ -149,10 +149,15 @@ impl Record {
         self.per_second(self.bytes_colour as f64)
     }
 
-    /// The rate that a measure stands against (megabits a second): that of geometry or of colour.
+    /// The rate that a measure stands against (megabits a second): that of geometry or of colour, or of both for pictures, which show
+    /// both.
     #[must_use]
     pub fn mbps_for(&self, metric: Metric) -> f64 {
-        if metric.is_of_colour() { self.colour_mbps() } else { self.geometry_mbps() }
+        match metric {
+            Metric::RenderY => self.mbps(),
+            Metric::ColourY => self.colour_mbps(),
+            _ => self.geometry_mbps(),
+        }
     }
 
     /// A part of the stream's bytes as megabits a second.

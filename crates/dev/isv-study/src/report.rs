@@ -38,8 +38,8 @@ pub struct DeltaRow {
 const KIND_COLOURS: [&str; 7] = ["#54778f", "#a7bccb", "#d1603d", "#e5b53b", "#3a8f6b", "#9a9a9a", "#8b5fbf"];
 
 /// Colours of codecs by family. isv's paper profile is blue and violet, its main profile crimson, trained transforms green.
-/// Draco goes from dark red to yellow, gltfpack is brown, MPEG's codecs are teal, black and olive.
-const CODEC_COLOURS: [(&str, &str); 21] = [
+/// Draco goes from dark red to yellow, with video it is sky blue, gltfpack is brown, MPEG's codecs are teal, black and olive.
+const CODEC_COLOURS: [(&str, &str); 23] = [
     ("paper-intra", "#8fb8de"),
     ("paper-zero", "#5b8fc7"),
     ("paper-3dof", "#1450a0"),
@@ -55,6 +55,8 @@ const CODEC_COLOURS: [(&str, &str); 21] = [
     ("draco-25", "#de5a2c"),
     ("draco-10", "#ef8e2e"),
     ("draco-5", "#e8bf45"),
+    ("draco-video", "#0288d1"),
+    ("draco-video-25", "#81d4fa"),
     ("gltfpack", "#5d4037"),
     ("gltfpack-25", "#a1887f"),
     ("tmc13-octree", "#80cbc4"),
@@ -89,7 +91,7 @@ impl Report {
         Metric::ALL.iter().chain(colour).copied().collect()
     }
 
-    /// A codec's points, rate in megabits a second: that of geometry or of colour, as the measure is.
+    /// A codec's points, rate in megabits a second: that of geometry, of colour or of both, as the measure is.
     #[must_use]
     pub fn curve(&self, codec: &str, metric: Metric) -> Vec<RatePoint> {
         let point = |record: &Record| {
@@ -163,10 +165,11 @@ impl Report {
             Axis::logarithmic(metric.axis())
         };
         let series = self.series(|record| record.value(metric).map(|value| (record.mbps_for(metric), value)));
-        let rate = match (metric.is_of_colour(), self.has_colour()) {
-            (true, _) => "rate of colour, Mbps",
-            (false, true) => "rate of geometry, Mbps",
-            (false, false) => "rate, Mbps",
+        let rate = match (metric, self.has_colour()) {
+            (Metric::RenderY, _) => "rate of geometry and colour, Mbps",
+            (Metric::ColourY, _) => "rate of colour, Mbps",
+            (_, true) => "rate of geometry, Mbps",
+            (_, false) => "rate, Mbps",
         };
         // A codec without colour has no place in the legend of a chart of it.
         let series =

@@ -1,8 +1,10 @@
 //! One codec at one point on one take: frames in, a stream out, frames back.
 
 mod draco;
+mod draco_video;
 mod gltfpack;
 mod isv;
+mod kept_frames;
 mod tang;
 mod tmc13;
 mod tmc2;
@@ -11,6 +13,7 @@ mod volumes;
 
 pub(crate) use self::isv::IsvEncoding;
 pub(crate) use draco::DracoEncoding;
+pub(crate) use draco_video::DracoVideoEncoding;
 pub(crate) use gltfpack::GltfpackEncoding;
 pub(crate) use tang::TangEncoding;
 pub(crate) use tmc2::Tmc2Encoding;
@@ -78,6 +81,14 @@ pub(crate) struct EncodedFrame {
     pub(crate) memory: Memory,
 }
 
+impl EncodedFrame {
+    /// A frame of a mesh without colour that the program of another codec coded, with its peak memory in bytes where the system says.
+    fn by_program(bytes: u64, prepare_ms: f64, encode_ms: f64, peak_memory_bytes: Option<u64>) -> Self {
+        let memory = Memory::OfAProgram(peak_memory_bytes);
+        Self { bytes, prepare_ms, encode_ms, colour_ms: None, memory }
+    }
+}
+
 /// A frame as decoded.
 pub(crate) struct DecodedFrame {
     pub(crate) shape: Geometry,
@@ -89,6 +100,8 @@ pub(crate) struct DecodedFrame {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct WholeTake {
     pub(crate) encode_ms: f64,
+    /// Time that coding colour took (ms), if there is any.
+    pub(crate) colour_ms: Option<f64>,
     pub(crate) memory: Memory,
 }
 

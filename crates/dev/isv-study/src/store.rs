@@ -72,7 +72,7 @@ impl Store {
     /// # Errors
     /// [`StudyError::File`].
     pub fn keep(&self, codec: Codec, point: &OperatingPoint, measured: Measured) -> Result<(), StudyError> {
-        let Measured { mut record, picture, isv_file } = measured;
+        let Measured { mut record, picture, isv_file, coloured_frames } = measured;
         record.key = self.key(codec, point);
         make_folder(&self.folder.join("points").join(&record.codec))?;
         let path = self.picture(&record);
@@ -83,6 +83,9 @@ impl Store {
         .map_err(io::Error::from)?;
         if let Some(bytes) = isv_file {
             write_file(&self.path(&record.codec, &record.point, "isv"), &bytes)?;
+        }
+        for (frame, mesh) in &coloured_frames {
+            write_mesh(&self.coloured_frame(&record, *frame), mesh, Format::Glb).map_err(io::Error::from)?;
         }
         let json = serde_json::to_vec_pretty(&record).map_err(io::Error::from)?;
         write_file(&self.path(&record.codec, &record.point, "json"), &json)
@@ -98,6 +101,13 @@ impl Store {
     #[must_use]
     pub fn stream(&self, record: &Record) -> Option<PathBuf> {
         Some(self.path(&record.codec, &record.point, "isv")).filter(|path| path.is_file())
+    }
+
+    /// A decoded frame, by its place in the take, of a record without such a stream, as GLB with its colour; it is there if
+    /// [`StudySettings::sheet_frames`] names it and it has colour.
+    #[must_use]
+    pub fn coloured_frame(&self, record: &Record, frame: usize) -> PathBuf {
+        self.path(&record.codec, &format!("{}-frame{frame}", record.point), "glb")
     }
 
     fn path(&self, codec: &str, point: &str, extension: &str) -> PathBuf {

@@ -20,7 +20,7 @@ use isv::raw::take::FrameRange;
 use isv::raw::take::Length;
 use isv::raw::take::capture::Hints;
 use isv::raw::take::encode::default_grid;
-use isv::raw::volume::{Grid, VoxelSize};
+use isv::raw::volume::{Grid, TriangleMesh, VoxelSize};
 use isv_study::worker::{self, Outcome};
 use isv_study::{
     CapturedTake, Codec, CodecPictures, Metric, OperatingPoint, Record, Report, Scale, Sheet, SheetStream,
@@ -56,17 +56,18 @@ pub(crate) struct Args {
     ///
     /// Savings are summed up against the first. The codecs are paper-intra, paper-zero, paper-3dof, paper-6dof,
     /// paper-auto, main-realtime, main-balanced, main-archive, tang-scene, tang-cross, draco, draco-50, draco-25,
-    /// draco-10, draco-5, gltfpack, gltfpack-25, tmc13-octree, tmc13-trisoup, tmc2 and vdmc. A number is the share of faces
-    /// (%) that simplification leaves.
+    /// draco-10, draco-5, draco-video, draco-video-25, gltfpack, gltfpack-25, tmc13-octree, tmc13-trisoup, tmc2 and vdmc.
+    /// A number is the share of faces (%) that simplification leaves. draco-video codes textures as H.264 beside Draco's
+    /// meshes.
     ///
-    /// Those from draco on are programs of others: gltfpack (meshoptimizer), tmc13 (MPEG G-PCC), tmc2 (MPEG V-PCC) and vdmc
-    /// (MPEG V-DMC). A codec without its programs is left out with a note.
+    /// Those from draco on are programs of others: ffmpeg (x264), gltfpack (meshoptimizer), tmc13 (MPEG G-PCC), tmc2 (MPEG
+    /// V-PCC) and vdmc (MPEG V-DMC). A codec without its programs is left out with a note.
     #[arg(help_heading = "Codecs", long, value_name = "NAME,..", value_delimiter = ',')]
     codecs: Vec<Codec>,
     /// Path of another codec's program [default: found on the PATH]
     ///
-    /// May be given several times. Names are draco_encoder, draco_decoder, gltfpack, tmc3, PccAppEncoder, PccAppDecoder,
-    /// encode and decode (V-DMC). TMC2 and V-DMC need the folder cfg of their source beside the program or up to 3 folders
+    /// May be given several times. Names are draco_encoder, draco_decoder, ffmpeg, gltfpack, tmc3, PccAppEncoder,
+    /// PccAppDecoder, encode and decode (V-DMC). TMC2 and V-DMC need the folder cfg of their source beside the program or up to 3 folders
     /// above.
     #[arg(help_heading = "Other codecs", long = "tool", value_name = "NAME=PATH", value_parser = tool_parser)]
     tools: Vec<(String, PathBuf)>,
@@ -355,24 +356,19 @@ impl Study {
         Ok(Some(CodecPictures::new(&original, &decoded, range_m, frame, mbps)?))
     }
 
-    /// The source and the streams that isv reads, near one rate: those with colour first, if the take has any.
+    /// The source and the streams of which there are frames to show, near one rate: those with colour first, if the take has any.
     fn sheet(&self, report: &Report) -> Result<Option<Vec<u8>>> {
         let near = report.common_mbps().map_or(Vec::new(), |mbps| report.near_rate(mbps));
-        let mut chosen: Vec<_> =
-            near.into_iter().filter_map(|record| Some((record, self.store.stream(record)?))).collect();
-        chosen.sort_by_key(|(record, _)| record.bytes_colour == 0);
+        let mut chosen: Vec<_> = near.into_iter().filter(|record| self.has_frames(record)).collect();
+        chosen.sort_by_key(|record| record.bytes_colour == 0);
         chosen.truncate(SHEET_STREAMS);
         if chosen.is_empty() {
             return Ok(None);
         }
-        let mut frames = vec![0, self.settings.picture_frame, self.take.frames() - 1];
-        frames.dedup();
-        let hints = capture::colour_hints(Unit::Metre);
+        let frames = self.settings.sheet_frames(self.take.frames());
         let mut streams = Vec::new();
-        for (record, path) in chosen {
-            let stream = CapturedTake::open(&path, hints.clone(), None)?;
-            let meshes = frames.iter().map(|frame| stream.mesh(*frame)).collect::<Result<_, _>>()?;
-            streams.push(SheetStream::of_record(record, meshes));
+        for record in chosen {
+            streams.push(SheetStream::of_record(record, self.decoded_frames(record, &frames)?));
         }
         let source = frames.iter().map(|frame| self.take.mesh(*frame)).collect::<Result<_, _>>()?;
         let close_up = frames.iter().position(|frame| *frame == self.settings.picture_frame);
@@ -380,6 +376,25 @@ impl Study {
         let close_up = close_up.unwrap_or_default();
         let sheet = Sheet { frames: numbers, source, streams, close_up, yaw_degrees: self.yaw_degrees };
         Ok(Some(sheet.png()?))
+    }
+
+    /// Whether decoded frames of a record can be shown.
+    fn has_frames(&self, record: &Record) -> bool {
+        self.store.stream(record).is_some() || self.store.coloured_frame(record, 0).is_file()
+    }
+
+    /// Decoded frames of a record, with their colour.
+    fn decoded_frames(&self, record: &Record, frames: &[usize]) -> Result<Vec<TriangleMesh>> {
+        let hints = capture::colour_hints(Unit::Metre);
+        if let Some(path) = self.store.stream(record) {
+            let stream = CapturedTake::open(&path, hints, None)?;
+            return Ok(frames.iter().map(|frame| stream.mesh(*frame)).collect::<Result<_, _>>()?);
+        }
+        let read = |frame| {
+            let path = self.store.coloured_frame(record, frame);
+            Ok(CapturedTake::open(&path, hints.clone(), None)?.mesh(0)?)
+        };
+        frames.iter().map(|frame| read(*frame)).collect()
     }
 
     /// Explains to a reader how colour is counted, or why there is none.

@@ -34,13 +34,7 @@ impl Encoding for GltfpackEncoding {
         let bytes = run.output.len() as u64;
         self.stream.frames.push(run.output);
         self.stream.command = run.command;
-        Ok(EncodedFrame {
-            bytes,
-            prepare_ms,
-            encode_ms: run.ms,
-            colour_ms: None,
-            memory: Memory::OfAProgram(run.peak_memory_bytes),
-        })
+        Ok(EncodedFrame::by_program(bytes, prepare_ms, run.ms, run.peak_memory_bytes))
     }
 
     fn finish(self: Box<Self>) -> Result<Box<dyn Stream>, StudyError> {

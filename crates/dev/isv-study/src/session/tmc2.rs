@@ -1,6 +1,7 @@
 //! TMC2 on the voxels of all frames' surfaces.
 
-use super::{DecodedFrame, EncodedFrame, Encoding, Memory, Stream, WholeTake, program_uses, timed};
+use super::kept_frames::KeptFrames;
+use super::{DecodedFrame, EncodedFrame, Encoding, Memory, Stream, WholeTake, program_uses};
 use crate::StudyError;
 use crate::record::{BytesByKind, ProgramUse};
 use isv::raw::io::Geometry;
@@ -11,36 +12,27 @@ pub(crate) struct Tmc2Encoding {
     tmc2: Tmc2,
     bits: u8,
     rate: u8,
-    meshes: Vec<TriangleMesh>,
+    frames: KeptFrames,
 }
 
 impl Tmc2Encoding {
     pub(crate) fn new(tmc2: &Tmc2, bits: u8, rate: u8) -> Self {
-        Self { tmc2: tmc2.clone(), bits, rate, meshes: Vec::new() }
-    }
-
-    /// The box around all frames.
-    fn bounds(&self) -> (glam::DVec3, glam::DVec3) {
-        let boxes = self.meshes.iter().filter_map(TriangleMesh::bounds);
-        boxes.reduce(|(low, high), (l, h)| (low.min(l), high.max(h))).unwrap_or_default()
+        Self { tmc2: tmc2.clone(), bits, rate, frames: KeptFrames::default() }
     }
 }
 
 impl Encoding for Tmc2Encoding {
     /// Keeps the frame: the take is encoded at its end.
     fn encode(&mut self, mesh: &TriangleMesh) -> Result<EncodedFrame, StudyError> {
-        let (mesh, prepare_ms) =
-            timed(|| TriangleMesh { appearance: None, normals: Vec::new(), ..mesh.clone() });
-        self.meshes.push(mesh);
-        let memory = Memory::OfAProgram(None);
-        Ok(EncodedFrame { bytes: 0, prepare_ms, encode_ms: 0.0, colour_ms: None, memory })
+        Ok(self.frames.keep(mesh))
     }
 
     fn finish(self: Box<Self>) -> Result<Box<dyn Stream>, StudyError> {
-        let lattice = Lattice::spanning(self.bounds(), self.bits);
-        let voxels = self.meshes.iter().map(|mesh| lattice.voxels(mesh)).collect::<Result<Vec<_>, _>>()?;
+        let lattice = Lattice::spanning(self.frames.bounds(), self.bits);
+        let voxels = self.frames.meshes.iter().map(|mesh| lattice.voxels(mesh)).collect::<Result<Vec<_>, _>>()?;
         let run = self.tmc2.encode(&voxels, self.bits, self.rate)?;
-        let encoding = WholeTake { encode_ms: run.ms, memory: Memory::OfAProgram(run.peak_memory_bytes) };
+        let memory = Memory::OfAProgram(run.peak_memory_bytes);
+        let encoding = WholeTake { encode_ms: run.ms, colour_ms: None, memory };
         Ok(Box::new(Tmc2Stream {
             tmc2: self.tmc2,
             lattice,

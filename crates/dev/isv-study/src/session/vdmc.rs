@@ -1,6 +1,7 @@
 //! The test model of V-DMC on the meshes of all frames.
 
-use super::{DecodedFrame, EncodedFrame, Encoding, Memory, Stream, WholeTake, program_uses, timed};
+use super::kept_frames::KeptFrames;
+use super::{DecodedFrame, EncodedFrame, Encoding, Memory, Stream, WholeTake, program_uses};
 use crate::StudyError;
 use crate::record::{BytesByKind, ProgramUse};
 use isv::raw::io::Geometry;
@@ -10,39 +11,30 @@ use isv_baseline::{Lattice, Vdmc};
 pub(crate) struct VdmcEncoding {
     vdmc: Vdmc,
     rate: u8,
-    meshes: Vec<TriangleMesh>,
+    frames: KeptFrames,
 }
 
 impl VdmcEncoding {
     pub(crate) fn new(vdmc: &Vdmc, rate: u8) -> Self {
-        Self { vdmc: vdmc.clone(), rate, meshes: Vec::new() }
-    }
-
-    /// The box around all frames.
-    fn bounds(&self) -> (glam::DVec3, glam::DVec3) {
-        let boxes = self.meshes.iter().filter_map(TriangleMesh::bounds);
-        boxes.reduce(|(low, high), (l, h)| (low.min(l), high.max(h))).unwrap_or_default()
+        Self { vdmc: vdmc.clone(), rate, frames: KeptFrames::default() }
     }
 }
 
 impl Encoding for VdmcEncoding {
     /// Keeps the frame: the take is encoded at its end.
     fn encode(&mut self, mesh: &TriangleMesh) -> Result<EncodedFrame, StudyError> {
-        let (mesh, prepare_ms) =
-            timed(|| TriangleMesh { appearance: None, normals: Vec::new(), ..mesh.clone() });
-        self.meshes.push(mesh);
-        let memory = Memory::OfAProgram(None);
-        Ok(EncodedFrame { bytes: 0, prepare_ms, encode_ms: 0.0, colour_ms: None, memory })
+        Ok(self.frames.keep(mesh))
     }
 
     fn finish(self: Box<Self>) -> Result<Box<dyn Stream>, StudyError> {
-        let lattice = Vdmc::lattice(self.bounds());
-        let run = self.vdmc.encode(&self.meshes, &lattice, self.rate)?;
-        let encoding = WholeTake { encode_ms: run.ms, memory: Memory::OfAProgram(run.peak_memory_bytes) };
+        let lattice = Vdmc::lattice(self.frames.bounds());
+        let run = self.vdmc.encode(&self.frames.meshes, &lattice, self.rate)?;
+        let memory = Memory::OfAProgram(run.peak_memory_bytes);
+        let encoding = WholeTake { encode_ms: run.ms, colour_ms: None, memory };
         Ok(Box::new(VdmcStream {
             vdmc: self.vdmc,
             lattice,
-            frames: self.meshes.len(),
+            frames: self.frames.meshes.len(),
             bytes: run.output,
             command: run.command,
             encoding,
