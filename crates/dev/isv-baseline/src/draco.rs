@@ -1,9 +1,12 @@
 //! Draco, the mesh codec, run as a program the way a user runs it.
 
-use crate::program::{ProgramError, ProgramRun, check_output, run};
 use crate::bench::GREY_PIXEL;
+use crate::program::{ProgramError, ProgramRun, check_output, run};
 use crate::tools::Tools;
-use isv_io::{Format, ReadError, Unit, WriteError, read_mesh, write_mesh};
+use isv_io::{
+    Colours, Format, Geometry, ReadError, ReadOptions, Unit, WriteError, read_geometry_as, read_mesh,
+    write_mesh,
+};
 use isv_volume::{Appearance, Material, MeshError, TriangleMesh};
 use std::borrow::Cow;
 use std::ffi::OsStr;
@@ -45,6 +48,9 @@ pub enum DracoError {
     /// What the program wrote is not a mesh.
     #[error("the mesh from draco_decoder: {0}")]
     Read(#[from] ReadError),
+    /// What the program wrote has no faces.
+    #[error("draco_decoder gave points back, not a mesh")]
+    Points,
 }
 
 /// `draco_encoder` and `draco_decoder` (Debian package `draco`).
@@ -139,7 +145,12 @@ impl Draco {
     }
 
     /// Runs the decoder in a folder; it writes a file of this name.
-    fn run_decoder(&self, folder: &Path, name: &str, bytes: &[u8]) -> Result<ProgramRun<PathBuf>, DracoError> {
+    fn run_decoder(
+        &self,
+        folder: &Path,
+        name: &str,
+        bytes: &[u8],
+    ) -> Result<ProgramRun<PathBuf>, DracoError> {
         let [input, output, log] = ["mesh.drc", name, "log"].map(|name| folder.join(name));
         std::fs::write(&input, bytes)?;
         let arguments = ["-i".as_ref(), input.as_os_str(), "-o".as_ref(), output.as_os_str()];
@@ -186,7 +197,10 @@ impl Draco {
         std::fs::write(&path, [b"mtllib mesh.mtl\nusemtl texture\n", &text[..]].concat())?;
         std::fs::write(folder.path().join("mesh.mtl"), "newmtl texture\nmap_Kd mesh.png\n")?;
         std::fs::write(folder.path().join("mesh.png"), GREY_PIXEL)?;
-        let mut output = read_mesh(&path, Unit::Metre)?;
+        let options = ReadOptions::new(Unit::Metre).with_colours(Colours::Keep);
+        let Geometry::Mesh(mut output) = read_geometry_as(&path, &options)? else {
+            return Err(DracoError::Points);
+        };
         if let Some(appearance) = &mut output.appearance {
             Arc::make_mut(appearance).materials = vec![Material::default()];
         }

@@ -174,7 +174,8 @@ fn encoder_arguments([width, height]: [u32; 2], settings: VideoSettings) -> Vec<
 }
 
 fn decoder_arguments([width, height]: [u32; 2]) -> Vec<String> {
-    let filter = format!("scale=in_color_matrix=bt709:in_range=tv:{EXACT},format=rgb24,crop={width}:{height}:0:0");
+    let filter =
+        format!("scale=in_color_matrix=bt709:in_range=tv:{EXACT},format=rgb24,crop={width}:{height}:0:0");
     let text = format!(
         "-nostdin -hide_banner -loglevel error -i {VIDEO} -vf {filter} -fps_mode passthrough -pix_fmt rgb24 \
          -f rawvideo {PICTURES}"

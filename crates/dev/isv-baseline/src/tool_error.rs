@@ -83,7 +83,9 @@ impl ToolError {
     #[must_use]
     pub fn is_of_all_settings(&self) -> bool {
         match self {
-            Self::Version { .. } | Self::Configuration { .. } | Self::Mesh(_) | Self::PictureSize { .. } => true,
+            Self::Version { .. } | Self::Configuration { .. } | Self::Mesh(_) | Self::PictureSize { .. } => {
+                true
+            }
             Self::Program(error) => {
                 matches!(error, ProgramError::Run { .. } | ProgramError::TooLong { .. })
             }

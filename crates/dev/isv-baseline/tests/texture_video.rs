@@ -20,7 +20,8 @@ fn picture(frame: usize) -> Image {
 
 /// Mean squared error of pixels, and the bytes of the video.
 fn coded(codec: &TextureVideo, crf: u8) -> (f64, usize) {
-    let settings = VideoSettings { crf, gop: 30, frame_rate: FrameRate { numerator: 30_000, denominator: 1001 } };
+    let settings =
+        VideoSettings { crf, gop: 30, frame_rate: FrameRate { numerator: 30_000, denominator: 1001 } };
     let mut encoding = codec.begin(settings).unwrap();
     for frame in 0..FRAMES {
         encoding.push(&picture(frame)).unwrap();

@@ -4,8 +4,8 @@ use crate::codec::PointGeometry;
 use crate::memory::{peak_bytes, reset_peak};
 use crate::record::Timing;
 use crate::session::{
-    DracoEncoding, DracoVideoEncoding, Encoding, GltfpackEncoding, IsvEncoding, Memory, Stream, TangEncoding, Tmc2Encoding,
-    Tmc13Encoding, VdmcEncoding,
+    DracoEncoding, DracoVideoEncoding, Encoding, GltfpackEncoding, IsvEncoding, Memory, Stream, TangEncoding,
+    Tmc2Encoding, Tmc13Encoding, VdmcEncoding,
 };
 use crate::{Codec, OperatingPoint, Record, Scale, StudyError, Training};
 use isv::raw::format::FrameRate;

@@ -140,11 +140,12 @@ impl Stream for DracoVideoStream {
             note: None,
         });
         let version = self.codec.version();
-        let of_video = [self.command.clone(), self.codec.decoder_command(self.size)].map(|command| ProgramUse {
-            version: version.version.clone(),
-            command,
-            note: version.note(TextureVideo::PROGRAM),
-        });
+        let of_video =
+            [self.command.clone(), self.codec.decoder_command(self.size)].map(|command| ProgramUse {
+                version: version.version.clone(),
+                command,
+                note: version.note(TextureVideo::PROGRAM),
+            });
         of_draco.into_iter().chain(of_video).collect()
     }
 

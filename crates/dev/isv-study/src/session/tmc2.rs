@@ -29,7 +29,8 @@ impl Encoding for Tmc2Encoding {
 
     fn finish(self: Box<Self>) -> Result<Box<dyn Stream>, StudyError> {
         let lattice = Lattice::spanning(self.frames.bounds(), self.bits);
-        let voxels = self.frames.meshes.iter().map(|mesh| lattice.voxels(mesh)).collect::<Result<Vec<_>, _>>()?;
+        let voxels =
+            self.frames.meshes.iter().map(|mesh| lattice.voxels(mesh)).collect::<Result<Vec<_>, _>>()?;
         let run = self.tmc2.encode(&voxels, self.bits, self.rate)?;
         let memory = Memory::OfAProgram(run.peak_memory_bytes);
         let encoding = WholeTake { encode_ms: run.ms, colour_ms: None, memory };
