@@ -48,9 +48,6 @@ pub enum DracoError {
     /// What the program wrote is not a mesh.
     #[error("the mesh from draco_decoder: {0}")]
     Read(#[from] ReadError),
-    /// What the program wrote has no faces.
-    #[error("draco_decoder gave points back, not a mesh")]
-    Points,
 }
 
 /// `draco_encoder` and `draco_decoder` (Debian package `draco`).
@@ -199,7 +196,7 @@ impl Draco {
         std::fs::write(folder.path().join("mesh.png"), GREY_PIXEL)?;
         let options = ReadOptions::new(Unit::Metre).with_colours(Colours::Keep);
         let Geometry::Mesh(mut output) = read_geometry_as(&path, &options)? else {
-            return Err(DracoError::Points);
+            return Err(ReadError::NotAMesh { path }.into());
         };
         if let Some(appearance) = &mut output.appearance {
             Arc::make_mut(appearance).materials = vec![Material::default()];

@@ -160,7 +160,7 @@ fn the_page_says_what_there_is_of_colour() {
     assert!(plain.contains("There is no colour to compare") && !plain.contains("sheet.png"));
     assert!(!folder.path().join("sheet.png").exists());
     let coloured = page(&report_in_colour(), Some(b"a picture"));
-    assert!(coloured.contains("Rates are those of colour alone") && coloured.contains("sheet.png"));
+    assert!(coloured.contains("against the rate of colour") && coloured.contains("sheet.png"));
     assert_eq!(std::fs::read(folder.path().join("sheet.png")).unwrap(), b"a picture");
     let table = std::fs::read_to_string(folder.path().join("results.csv")).unwrap();
     let columns: Vec<_> = table.lines().next().unwrap().split(',').collect();
