@@ -10,8 +10,8 @@ use isv_baseline::{
 };
 use std::sync::Arc;
 
-/// Bits of texture coordinates: a quarter of a texel in textures of 1024.
-pub(crate) const COORDINATE_BITS: u8 = 12;
+/// Bits of texture coordinates: Draco's default, a texel in textures of 1024.
+const COORDINATE_BITS: u8 = 10;
 
 pub(crate) struct DracoVideoEncoding {
     draco: Draco,
