@@ -80,13 +80,15 @@ impl<'a> Reader<'a> {
                 for x in first[0]..=last[0] {
                     let Some(block) = self.block([x, y, z]) else { continue };
                     let (block, shape) = (block as usize, &self.frame.shape);
-                    if shape.depths()[block] < depth {
+                    let block_depth = shape.depths()[block];
+                    if block_depth < depth {
                         // Near it some cells are read less deep.
                         self.region.clear();
                         return;
                     }
                     let (cells, start) = (shape.cells(), shape.starts()[block][usize::from(depth)]);
-                    self.region.add([x, y, z], &cells.blocks()[block], cells.block_surfels(block), start);
+                    let (own, surfels) = (&cells.blocks()[block], cells.block_surfels(block));
+                    self.region.add([x, y, z], own, surfels, start, block_depth == depth);
                 }
             }
         }
@@ -161,14 +163,14 @@ impl<'a> Reader<'a> {
             (y >> shift & mask) as usize,
             (z >> shift & mask) as usize,
         ]);
-        let is_there = shape.parts(found.block, number, deep) >> part & 1 != 0;
-        let start = shape.starts()[found.block][usize::from(deep)] as usize;
-        if is_there {
-            let is_leaf = deep == shape.depths()[found.block];
-            Some(Tap { layer: deep, at: (start + (number << (3 * deep)) + part) as u32, is_leaf })
-        } else {
-            None
+        let parts = shape.parts(found.block, number, deep);
+        if parts >> part & 1 == 0 {
+            return None;
         }
+        let start = shape.starts()[found.block][usize::from(deep)] as usize;
+        let at = (start + (number << (3 * deep)) + part) as u32;
+        let is_leaf = deep == shape.depths()[found.block];
+        Some(Tap { layer: deep, at, is_leaf, cell: found.cell as u32, rank: rank(parts, part) })
     }
 
     /// The depth that is read where samples of a depth are wanted: that of the block at a position, if it is less.
@@ -219,12 +221,24 @@ impl<'a> Reader<'a> {
     /// Visits the samples that [`Self::read`] takes the mean of: each with its weight.
     #[inline(always)]
     pub fn taps(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8, mut visit: impl FnMut(Tap, i32)) {
-        let deep = self.depth_at(position, depth);
         let mut any = false;
-        self.for_taps(&Lattice::new(position, deep), normal, deep, |tap, weight| {
+        let mut visit_any = |tap: Tap, weight: i32| {
             any = true;
             visit(tap, weight);
-        });
+        };
+        let lattice = Lattice::new(position, depth);
+        let is_held = self.region.depth() == depth && depth <= MAX_HELD_DEPTH;
+        let deep = match self.region.find(lattice.voxel).filter(|_| is_held) {
+            Some(at) => {
+                lattice.held_taps(self.region.cells_around(at), normal, depth, visit_any);
+                depth
+            }
+            None => {
+                let deep = self.depth_at(position, depth);
+                self.for_taps(&Lattice::new(position, deep), normal, deep, &mut visit_any);
+                deep
+            }
+        };
         if !any && deep > 0 {
             self.for_taps(&Lattice::new(position, 0), normal, 0, visit);
         }
@@ -480,11 +494,9 @@ impl Lattice {
         sum(self.first, [x as i32, y as i32, z as i32])
     }
 
-    /// Weighted sums of the samples at the places, from cells of a region of this depth. `layer`: their samples, which are zeros where
-    /// there are none.
+    /// By axis and step: the bits of a sample's number in its cell, and of that cell's slot.
     #[inline(always)]
-    fn held_sums(&self, around: [&RegionCell; 8], layer: &[Sample], normal: [i8; 3], depth: u8) -> [i32; 4] {
-        // By axis and step: the bits of a sample's number in its cell, and of that cell's slot.
+    fn parts_and_slots(&self, depth: u8) -> ([[usize; 2]; 3], [[usize; 2]; 3]) {
         let (mut parts, mut slots) = ([[0; 2]; 3], [[0; 2]; 3]);
         for axis in 0..3 {
             for step in 0..2 {
@@ -493,6 +505,38 @@ impl Lattice {
                 slots[axis][step as usize] = ((step & self.spans[axis]) as usize & 1) << axis;
             }
         }
+        (parts, slots)
+    }
+
+    /// Visits the samples at the places in cells of a region of this depth, as [`Reader::for_taps`] does.
+    #[inline(always)]
+    fn held_taps(
+        &self,
+        around: [&RegionCell; 8],
+        normal: [i8; 3],
+        depth: u8,
+        mut visit: impl FnMut(Tap, i32),
+    ) {
+        let (parts, slots) = self.parts_and_slots(depth);
+        let crossed = around.map(|cell| if cell.faces(normal) { cell.parts(depth) } else { 0 });
+        for corner in 0..8 {
+            let [x, y, z] = Self::steps(corner);
+            let slot = (slots[0][x] | slots[1][y] | slots[2][z]) & 7;
+            let part = parts[0][x] | parts[1][y] | parts[2][z];
+            let weight = self.weight(corner);
+            if weight != 0 && crossed[slot] >> part & 1 != 0 {
+                let (RegionCell { first, cell, is_deepest, .. }, rank) =
+                    (*around[slot], rank(crossed[slot], part));
+                visit(Tap { layer: depth, at: first + part as u32, is_leaf: is_deepest, cell, rank }, weight);
+            }
+        }
+    }
+
+    /// Weighted sums of the samples at the places, from cells of a region of this depth. `layer`: their samples, which are zeros where
+    /// there are none.
+    #[inline(always)]
+    fn held_sums(&self, around: [&RegionCell; 8], layer: &[Sample], normal: [i8; 3], depth: u8) -> [i32; 4] {
+        let (parts, slots) = self.parts_and_slots(depth);
         let faces = around.map(|cell| -i32::from(cell.faces(normal)));
         let mut sums = [0; 4];
         for corner in 0..8 {
@@ -628,6 +672,16 @@ pub struct Tap {
     pub at: u32,
     /// Whether it is one of its block's deepest layer, and no mean of these.
     pub is_leaf: bool,
+    /// Index of its cell among all of the frame.
+    pub cell: u32,
+    /// Samples of its cell that precede it in its layer.
+    pub rank: u32,
+}
+
+/// How many of a cell's crossed parts precede one.
+#[inline(always)]
+fn rank(parts: u64, part: usize) -> u32 {
+    (parts & ((1 << part) - 1)).count_ones()
 }
 
 /// Coordinates shifted to the right.
