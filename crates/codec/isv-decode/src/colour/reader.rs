@@ -218,30 +218,39 @@ impl<'a> Reader<'a> {
         Some(mean(sums)).filter(|sample| sample[3] != 0)
     }
 
-    /// Visits the samples that [`Self::read`] takes the mean of: each with its weight.
+    /// The leaves that [`Self::read`] takes the mean of: samples of their blocks' deepest layers. Samples above these are left out.
     #[inline(always)]
-    pub fn taps(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8, mut visit: impl FnMut(Tap, i32)) {
-        let mut any = false;
-        let mut visit_any = |tap: Tap, weight: i32| {
-            any = true;
-            visit(tap, weight);
-        };
+    pub fn leaf_taps(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8) -> [LeafTap; 8] {
         let lattice = Lattice::new(position, depth);
         let is_held = self.region.depth() == depth && depth <= MAX_HELD_DEPTH;
-        let deep = match self.region.find(lattice.voxel).filter(|_| is_held) {
+        let (mut taps, any, deep) = match self.region.find(lattice.voxel).filter(|_| is_held) {
             Some(at) => {
-                lattice.held_taps(self.region.cells_around(at), normal, depth, visit_any);
-                depth
+                let (taps, any) = lattice.held_taps(self.region.cells_around(at), normal, depth);
+                (taps, any, depth)
             }
             None => {
                 let deep = self.depth_at(position, depth);
-                self.for_taps(&Lattice::new(position, deep), normal, deep, &mut visit_any);
-                deep
+                let (taps, any) = self.found_taps(&Lattice::new(position, deep), normal, deep);
+                (taps, any, deep)
             }
         };
         if !any && deep > 0 {
-            self.for_taps(&Lattice::new(position, 0), normal, 0, visit);
+            taps = self.found_taps(&Lattice::new(position, 0), normal, 0).0;
         }
+        taps
+    }
+
+    /// The leaves around a position, and whether there are any samples.
+    #[inline(always)]
+    fn found_taps(&mut self, lattice: &Lattice, normal: [i8; 3], depth: u8) -> ([LeafTap; 8], bool) {
+        let (mut taps, mut count) = ([LeafTap::default(); 8], 0);
+        self.for_taps(lattice, normal, depth, |tap, weight| {
+            if tap.is_leaf {
+                taps[count] = LeafTap { cell: tap.cell, rank: tap.rank, weight };
+            }
+            count += 1;
+        });
+        (taps, count > 0)
     }
 
     /// Visits the samples around a position: eight, less those that are not there and those whose weight is 0.
@@ -508,28 +517,24 @@ impl Lattice {
         (parts, slots)
     }
 
-    /// Visits the samples at the places in cells of a region of this depth, as [`Reader::for_taps`] does.
+    /// The leaves at the places in cells of a region of this depth, and whether there are any samples. Without branches: which of
+    /// eight are there is as good as random.
     #[inline(always)]
-    fn held_taps(
-        &self,
-        around: [&RegionCell; 8],
-        normal: [i8; 3],
-        depth: u8,
-        mut visit: impl FnMut(Tap, i32),
-    ) {
+    fn held_taps(&self, around: [&RegionCell; 8], normal: [i8; 3], depth: u8) -> ([LeafTap; 8], bool) {
         let (parts, slots) = self.parts_and_slots(depth);
-        let crossed = around.map(|cell| if cell.faces(normal) { cell.parts(depth) } else { 0 });
+        let crossed = around.map(|cell| cell.parts(depth) & (cell.faces(normal) as u64).wrapping_neg());
+        let (mut taps, mut any) = ([LeafTap::default(); 8], 0);
         for corner in 0..8 {
             let [x, y, z] = Self::steps(corner);
             let slot = (slots[0][x] | slots[1][y] | slots[2][z]) & 7;
             let part = parts[0][x] | parts[1][y] | parts[2][z];
-            let weight = self.weight(corner);
-            if weight != 0 && crossed[slot] >> part & 1 != 0 {
-                let (RegionCell { first, cell, is_deepest, .. }, rank) =
-                    (*around[slot], rank(crossed[slot], part));
-                visit(Tap { layer: depth, at: first + part as u32, is_leaf: is_deepest, cell, rank }, weight);
-            }
+            let cell = around[slot];
+            let weight = self.weight(corner) * (crossed[slot] >> part & 1) as i32;
+            any |= weight;
+            let (rank, weight) = (rank(crossed[slot], part), weight * i32::from(cell.is_deepest));
+            taps[corner] = LeafTap { cell: cell.cell, rank, weight };
         }
+        (taps, any != 0)
     }
 
     /// Weighted sums of the samples at the places, from cells of a region of this depth. `layer`: their samples, which are zeros where
@@ -664,18 +669,29 @@ fn put_parts<const N: usize, const G: usize, const D: usize>(
 }
 
 /// A sample that a reading takes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Tap {
+#[derive(Clone, Copy, Debug)]
+struct Tap {
     /// Layer of the sample.
-    pub layer: u8,
+    layer: u8,
     /// Place of the sample in its layer.
-    pub at: u32,
+    at: u32,
     /// Whether it is one of its block's deepest layer, and no mean of these.
-    pub is_leaf: bool,
+    is_leaf: bool,
+    /// Index of its cell among all of the frame.
+    cell: u32,
+    /// Samples of its cell that precede it in its layer.
+    rank: u32,
+}
+
+/// A leaf that a reading takes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LeafTap {
     /// Index of its cell among all of the frame.
     pub cell: u32,
-    /// Samples of its cell that precede it in its layer.
+    /// Leaves of its cell that precede it.
     pub rank: u32,
+    /// The weight that it has: 0 if there is no leaf.
+    pub weight: i32,
 }
 
 /// How many of a cell's crossed parts precede one.

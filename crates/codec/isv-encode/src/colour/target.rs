@@ -5,7 +5,7 @@ use isv_decode::colour::Reader;
 use isv_decode::colour::tree::BlockTree;
 use isv_decode::colour::{ColourFrame, ColourShape};
 use isv_kernels::simd::vectorized;
-use isv_volume::{BlockCoord, ColourSample, Grid, ycbcr_from_rgb};
+use isv_volume::{BlockCoord, ColourSample, Grid, MortonCode, ycbcr_from_rgb};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -143,19 +143,12 @@ impl ColourTarget {
         let mut point =
             Point { colour: ycbcr(sample), weight: weight(sample, normal, height), ..Point::default() };
         let mut count = 0;
-        reader.taps(
-            onto,
-            normal,
-            depth,
-            #[inline(always)]
-            |tap, weight| {
-                if tap.is_leaf {
-                    point.leaves[count] = self.starts[tap.cell as usize] + tap.rank;
-                    point.shares[count] = weight as u16;
-                    count += 1;
-                }
-            },
-        );
+        for tap in reader.leaf_taps(onto, normal, depth) {
+            // One that is not there is overwritten by the next.
+            point.leaves[count & 7] = self.starts[tap.cell as usize] + tap.rank;
+            point.shares[count & 7] = tap.weight as u16;
+            count += usize::from(tap.weight > 0);
+        }
         (count > 0).then_some(point)
     }
 
@@ -287,6 +280,8 @@ fn in_parts(sums: &mut [Seen], add: impl Fn(&Range<usize>, &mut [Seen]) + Sync) 
 /// Consecutive samples in one block.
 struct Run {
     block: BlockCoord,
+    /// Place of the block in Morton order.
+    order: MortonCode,
     samples: Range<usize>,
 }
 
@@ -297,10 +292,10 @@ fn runs(places: &[Option<Place>]) -> Vec<Run> {
         let Some(Place { block, .. }) = place else { continue };
         match runs.last_mut().filter(|run| run.block == *block && run.samples.end == number) {
             Some(run) => run.samples.end += 1,
-            None => runs.push(Run { block: *block, samples: number..number + 1 }),
+            None => runs.push(Run { block: *block, order: block.morton(), samples: number..number + 1 }),
         }
     }
-    runs.sort_unstable_by_key(|run| (run.block.morton(), run.samples.start));
+    runs.sort_unstable_by_key(|run| (run.order, run.samples.start));
     runs
 }
 
