@@ -304,8 +304,8 @@ impl<'a> Reader<'a> {
         if let Some(at) = held {
             let (around, layer) = (self.region.cells_around(at), &self.frame.layers[usize::from(depth)][..]);
             match depth {
-                0 => read_held::<1, 2, 4, 8>(around, layer, corner, normal, wanted, out),
-                _ => read_held::<2, 4, 8, 16>(around, layer, corner, normal, wanted, out),
+                0 => read_held::<1, 2, 4>(around, layer, corner, normal, wanted, out),
+                _ => read_held::<2, 4, 8>(around, layer, corner, normal, wanted, out),
             }
         } else if deep == depth {
             match depth {
@@ -364,8 +364,11 @@ impl<'a> Reader<'a> {
                 }
             }
         }
-        let row = |z: usize, y: usize| grid[z][y];
-        interpolate::<N, G, W, D>(row, corner, wanted, out);
+        let part = |[x, y, z]: [usize; 3]| {
+            let lanes = &grid[z][y][4 * x..][..4];
+            [lanes[0], lanes[1], lanes[2], lanes[3]]
+        };
+        interpolate::<N, G, W>(part, corner, wanted, out);
     }
 
     /// The crossed cells of 2x2x2 from a voxel on, x fastest. `spans`: 1 along axes along which the second ones count.
@@ -560,7 +563,7 @@ impl Lattice {
 
 /// Reads as [`Reader::read_cell`] does, from cells of a region, of which one at least is there. `layer`: their samples.
 #[inline(always)]
-fn read_held<const N: usize, const G: usize, const W: usize, const D: usize>(
+fn read_held<const N: usize, const G: usize, const W: usize>(
     around: [&RegionCell; 8],
     layer: &[Sample],
     corner: [i32; 3],
@@ -570,34 +573,27 @@ fn read_held<const N: usize, const G: usize, const W: usize, const D: usize>(
 ) {
     // All of a cell that faces the normal, or none.
     let kept = around.map(|cell| -i16::from(cell.faces(normal)));
-    let row = |z: usize, y: usize| {
-        let (pair, part) = ((z / N) << 2 | (y / N) << 1, N * (z % N * N + y % N));
-        let mut row = [0; D];
-        for x in 0..2 {
-            let (first, kept) = (around[pair | x].first as usize, kept[pair | x]);
-            let samples = layer[first + part..][..N].as_flattened();
-            for lane in 0..W {
-                row[x * W + lane] = samples[lane] & kept;
-            }
-        }
-        row
+    let part = |[x, y, z]: [usize; 3]| {
+        let slot = (z / N) << 2 | (y / N) << 1 | x / N;
+        let sample = layer[around[slot].first as usize + N * (z % N * N + y % N) + x % N];
+        sample.map(|value| value & kept[slot])
     };
-    interpolate::<N, G, W, D>(row, corner, wanted, out);
+    interpolate::<N, G, W>(part, corner, wanted, out);
 }
 
-/// Reads the colours at the middles of the wanted of `N` parts of a cell along each axis. `row`: the samples of 2x2x2 cells from the one
-/// that `corner` lies in, by z and y, four lanes each.
+/// Reads the colours at the middles of the wanted of `N` parts of a cell along each axis. `part`: the sample of a part of 2x2x2 cells from
+/// the one that `corner` lies in, by x, y and z; zeros where there is none.
 ///
 /// All parts have the same fractions along the axes, so that sums are shared: those along x first, then y, then z. `G` is twice `N`;
-/// `W` and `D` are four lanes of each.
+/// `W` is four lanes of `N`.
 #[inline(always)]
-fn interpolate<const N: usize, const G: usize, const W: usize, const D: usize>(
-    row: impl Fn(usize, usize) -> [i16; D],
+fn interpolate<const N: usize, const G: usize, const W: usize>(
+    part: impl Fn([usize; 3]) -> Sample,
     corner: [i32; 3],
     wanted: u64,
     out: &mut [Sample; 64],
 ) {
-    const { assert!((N == 1 || N == 2 || N == 4) && G == 2 * N && W == 4 * N && D == 4 * G) };
+    const { assert!((N == 1 || N == 2 || N == 4) && G == 2 * N && W == 4 * N) };
     let shift = 8 - N.trailing_zeros();
     let (mut upper, mut inner) = ([0; 3], [0; 3]);
     for axis in 0..3 {
@@ -605,19 +601,21 @@ fn interpolate<const N: usize, const G: usize, const W: usize, const D: usize>(
         inner[axis] = (corner[axis] >> shift) as usize & (N - 1);
     }
     if upper == [0; 3] && inner == [0; 3] {
-        for (part, sample) in out[..N * N * N].iter_mut().enumerate() {
-            let [x, y, z] = position(part);
-            sample.copy_from_slice(&row(z, y)[4 * x..][..4]);
+        for (number, sample) in out[..N * N * N].iter_mut().enumerate() {
+            *sample = part(position(number));
         }
         return;
     }
     let mut along_x = [[[0; W]; G]; G];
     for z in 0..=N {
         for y in 0..=N {
-            let row = row(z + inner[2], y + inner[1]);
-            let row = &row[4 * inner[0]..][..W + 4];
+            // Each is read where it is: a row that is put together first would be waited for.
+            let mut row = [[0; 4]; G];
+            for x in 0..=N {
+                row[x] = part([x + inner[0], y + inner[1], z + inner[2]]).map(i32::from);
+            }
             for lane in 0..W {
-                let [lower, upper_value] = [i32::from(row[lane]), i32::from(row[lane + 4])];
+                let [lower, upper_value] = [row[lane / 4][lane % 4], row[lane / 4 + 1][lane % 4]];
                 along_x[z][y][lane] = (lower << WEIGHT_BITS) + (upper_value - lower) * upper[0];
             }
         }
