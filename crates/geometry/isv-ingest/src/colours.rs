@@ -8,6 +8,7 @@ pub use memory::ColourMemory;
 pub use views::{SeenColour, SurfacePoint, level_weights, seen_colours, view_colours};
 
 use glam::DVec3;
+use isv_kernels::simd::vectorized;
 use isv_volume::{Appearance, ColourSample, PointCloud, TriangleMesh};
 use rayon::prelude::*;
 
@@ -24,7 +25,12 @@ const SEQUENCE: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_3];
 #[must_use]
 pub fn mesh_colours(mesh: &TriangleMesh, spacing_m: f64) -> Vec<ColourSample> {
     let Some(appearance) = mesh.appearance.as_deref() else { return Vec::new() };
-    spread_over(mesh, spacing_m, |face, normal, k| Some(face_colour(mesh, appearance, face, normal, k)))
+    spread_over(
+        mesh,
+        spacing_m,
+        #[inline(always)]
+        |face, normal, k| Some(face_colour(mesh, appearance, face, normal, k)),
+    )
 }
 
 /// Makes something of places that lie evenly on a mesh, one a `spacing_m` squared (metres). `of_place` gets a face, its unit normal and
@@ -51,22 +57,36 @@ fn spread_over<T: Send>(
     let of_chunk = |(chunk, own): (usize, &[f64])| {
         let first = chunk * CHUNK;
         let before = if first == 0 { 0.0 } else { ends[first - 1] };
-        let mut samples = Vec::new();
         let mut start = number(before);
-        for (face, end) in (first..).zip(own) {
-            let end = number(*end);
-            if end > start {
-                let normal = mesh.area_vector(face).normalize_or_zero();
-                samples.extend((start..end).filter_map(|k| of_place(face, normal, k)));
-            }
-            start = end;
-        }
+        let all = own.last().map_or(0, |end| number(*end) - start);
+        let mut samples = Vec::with_capacity(all as usize);
+        vectorized(
+            #[inline(always)]
+            || {
+                for (face, end) in (first..).zip(own) {
+                    let end = number(*end);
+                    if end > start {
+                        let normal = mesh.area_vector(face).normalize_or_zero();
+                        for k in start..end {
+                            if let Some(sample) = of_place(face, normal, k) {
+                                samples.push(sample);
+                            }
+                        }
+                    }
+                    start = end;
+                }
+            },
+        );
         samples
     };
-    ends.par_chunks(CHUNK).enumerate().flat_map_iter(of_chunk).collect()
+    let chunks: Vec<Vec<T>> = ends.par_chunks(CHUNK).enumerate().map(of_chunk).collect();
+    let mut samples = Vec::with_capacity(chunks.iter().map(Vec::len).sum());
+    chunks.into_iter().for_each(|chunk| samples.extend(chunk));
+    samples
 }
 
 /// Weights of a triangle's corners at the place of a number.
+#[inline(always)]
 fn weights_of(k: u64) -> [f64; 3] {
     let [mut u, mut v] = SEQUENCE.map(|step| (0.5 + k as f64 * step).fract());
     if u + v > 1.0 {
@@ -76,6 +96,7 @@ fn weights_of(k: u64) -> [f64; 3] {
 }
 
 /// The colour of a face at a place that a sample's number gives.
+#[inline(always)]
 fn face_colour(
     mesh: &TriangleMesh,
     appearance: &Appearance,

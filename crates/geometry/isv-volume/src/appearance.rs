@@ -45,6 +45,7 @@ impl Image {
     /// that the middle of the first pixel lies at (0.5, 0.5). Outside the image the nearest pixel counts.
     /// sRGB values are averaged as they are.
     #[must_use]
+    #[inline]
     pub fn bilinear(&self, x: f64, y: f64) -> [f32; 3] {
         let along = |at: f64, side: u32| {
             let at = (at - 0.5).clamp(0.0, f64::from(side - 1));
@@ -80,6 +81,7 @@ pub enum Wrap {
 impl Wrap {
     /// The place inside `0 ..= 1` that a coordinate stands for. A coordinate that is not finite stands for 0.
     #[must_use]
+    #[inline]
     pub fn place(self, at: f64) -> f64 {
         if !at.is_finite() {
             return 0.0;
@@ -119,6 +121,7 @@ impl Material {
     /// Colour at a texture coordinate, as sRGB of 0 to 255 a channel. `u` goes right and `v` down from the image's upper left corner.
     /// A coordinate that is not finite gives the base colour.
     #[must_use]
+    #[inline]
     pub fn colour(&self, [u, v]: [f32; 2]) -> [f32; 3] {
         let image = self.texture.as_ref().filter(|_| u.is_finite() && v.is_finite());
         let texel = image.map(|image| {
@@ -268,6 +271,7 @@ impl Appearance {
     /// # Panics
     /// If the appearance does not fit the mesh ([`Self::validate`]).
     #[must_use]
+    #[inline]
     pub fn colour(&self, face: usize, triangle: [u32; 3], weights: [f32; 3]) -> [f32; 3] {
         let material = self.face_materials.get(face).map_or(0, |m| usize::from(*m));
         let of_material = self.materials.get(material).map(|material| {

@@ -48,12 +48,14 @@ pub struct TriangleMesh {
 impl TriangleMesh {
     /// Corner positions of triangle `face`.
     #[must_use]
+    #[inline]
     pub fn corners(&self, face: usize) -> [DVec3; 3] {
         self.triangles[face].map(|v| self.vertices[v as usize])
     }
 
     /// Normal of triangle `face` by the right-hand rule, as long as the triangle's area in square metres.
     #[must_use]
+    #[inline]
     pub fn area_vector(&self, face: usize) -> DVec3 {
         let [a, b, c] = self.corners(face);
         (b - a).cross(c - a) / 2.0

@@ -80,13 +80,15 @@ impl<'a> Reader<'a> {
                 for x in first[0]..=last[0] {
                     let Some(block) = self.block([x, y, z]) else { continue };
                     let (block, shape) = (block as usize, &self.frame.shape);
-                    if shape.depths()[block] < depth {
+                    let block_depth = shape.depths()[block];
+                    if block_depth < depth {
                         // Near it some cells are read less deep.
                         self.region.clear();
                         return;
                     }
                     let (cells, start) = (shape.cells(), shape.starts()[block][usize::from(depth)]);
-                    self.region.add([x, y, z], &cells.blocks()[block], cells.block_surfels(block), start);
+                    let (own, surfels) = (&cells.blocks()[block], cells.block_surfels(block));
+                    self.region.add([x, y, z], own, surfels, start, block_depth == depth);
                 }
             }
         }
@@ -161,14 +163,14 @@ impl<'a> Reader<'a> {
             (y >> shift & mask) as usize,
             (z >> shift & mask) as usize,
         ]);
-        let is_there = shape.parts(found.block, number, deep) >> part & 1 != 0;
-        let start = shape.starts()[found.block][usize::from(deep)] as usize;
-        if is_there {
-            let is_leaf = deep == shape.depths()[found.block];
-            Some(Tap { layer: deep, at: (start + (number << (3 * deep)) + part) as u32, is_leaf })
-        } else {
-            None
+        let parts = shape.parts(found.block, number, deep);
+        if parts >> part & 1 == 0 {
+            return None;
         }
+        let start = shape.starts()[found.block][usize::from(deep)] as usize;
+        let at = (start + (number << (3 * deep)) + part) as u32;
+        let is_leaf = deep == shape.depths()[found.block];
+        Some(Tap { layer: deep, at, is_leaf, cell: found.cell as u32, rank: rank(parts, part) })
     }
 
     /// The depth that is read where samples of a depth are wanted: that of the block at a position, if it is less.
@@ -216,18 +218,39 @@ impl<'a> Reader<'a> {
         Some(mean(sums)).filter(|sample| sample[3] != 0)
     }
 
-    /// Visits the samples that [`Self::read`] takes the mean of: each with its weight.
+    /// The leaves that [`Self::read`] takes the mean of: samples of their blocks' deepest layers. Samples above these are left out.
     #[inline(always)]
-    pub fn taps(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8, mut visit: impl FnMut(Tap, i32)) {
-        let deep = self.depth_at(position, depth);
-        let mut any = false;
-        self.for_taps(&Lattice::new(position, deep), normal, deep, |tap, weight| {
-            any = true;
-            visit(tap, weight);
-        });
+    pub fn leaf_taps(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8) -> [LeafTap; 8] {
+        let lattice = Lattice::new(position, depth);
+        let is_held = self.region.depth() == depth && depth <= MAX_HELD_DEPTH;
+        let (mut taps, any, deep) = match self.region.find(lattice.voxel).filter(|_| is_held) {
+            Some(at) => {
+                let (taps, any) = lattice.held_taps(self.region.cells_around(at), normal, depth);
+                (taps, any, depth)
+            }
+            None => {
+                let deep = self.depth_at(position, depth);
+                let (taps, any) = self.found_taps(&Lattice::new(position, deep), normal, deep);
+                (taps, any, deep)
+            }
+        };
         if !any && deep > 0 {
-            self.for_taps(&Lattice::new(position, 0), normal, 0, visit);
+            taps = self.found_taps(&Lattice::new(position, 0), normal, 0).0;
         }
+        taps
+    }
+
+    /// The leaves around a position, and whether there are any samples.
+    #[inline(always)]
+    fn found_taps(&mut self, lattice: &Lattice, normal: [i8; 3], depth: u8) -> ([LeafTap; 8], bool) {
+        let (mut taps, mut count) = ([LeafTap::default(); 8], 0);
+        self.for_taps(lattice, normal, depth, |tap, weight| {
+            if tap.is_leaf {
+                taps[count] = LeafTap { cell: tap.cell, rank: tap.rank, weight };
+            }
+            count += 1;
+        });
+        (taps, count > 0)
     }
 
     /// Visits the samples around a position: eight, less those that are not there and those whose weight is 0.
@@ -281,8 +304,8 @@ impl<'a> Reader<'a> {
         if let Some(at) = held {
             let (around, layer) = (self.region.cells_around(at), &self.frame.layers[usize::from(depth)][..]);
             match depth {
-                0 => read_held::<1, 2, 4, 8>(around, layer, corner, normal, wanted, out),
-                _ => read_held::<2, 4, 8, 16>(around, layer, corner, normal, wanted, out),
+                0 => read_held::<1, 2, 4>(around, layer, corner, normal, wanted, out),
+                _ => read_held::<2, 4, 8>(around, layer, corner, normal, wanted, out),
             }
         } else if deep == depth {
             match depth {
@@ -341,8 +364,11 @@ impl<'a> Reader<'a> {
                 }
             }
         }
-        let row = |z: usize, y: usize| grid[z][y];
-        interpolate::<N, G, W, D>(row, corner, wanted, out);
+        let part = |[x, y, z]: [usize; 3]| {
+            let lanes = &grid[z][y][4 * x..][..4];
+            [lanes[0], lanes[1], lanes[2], lanes[3]]
+        };
+        interpolate::<N, G, W>(part, corner, wanted, out);
     }
 
     /// The crossed cells of 2x2x2 from a voxel on, x fastest. `spans`: 1 along axes along which the second ones count.
@@ -480,11 +506,9 @@ impl Lattice {
         sum(self.first, [x as i32, y as i32, z as i32])
     }
 
-    /// Weighted sums of the samples at the places, from cells of a region of this depth. `layer`: their samples, which are zeros where
-    /// there are none.
+    /// By axis and step: the bits of a sample's number in its cell, and of that cell's slot.
     #[inline(always)]
-    fn held_sums(&self, around: [&RegionCell; 8], layer: &[Sample], normal: [i8; 3], depth: u8) -> [i32; 4] {
-        // By axis and step: the bits of a sample's number in its cell, and of that cell's slot.
+    fn parts_and_slots(&self, depth: u8) -> ([[usize; 2]; 3], [[usize; 2]; 3]) {
         let (mut parts, mut slots) = ([[0; 2]; 3], [[0; 2]; 3]);
         for axis in 0..3 {
             for step in 0..2 {
@@ -493,6 +517,34 @@ impl Lattice {
                 slots[axis][step as usize] = ((step & self.spans[axis]) as usize & 1) << axis;
             }
         }
+        (parts, slots)
+    }
+
+    /// The leaves at the places in cells of a region of this depth, and whether there are any samples. Without branches: which of
+    /// eight are there is as good as random.
+    #[inline(always)]
+    fn held_taps(&self, around: [&RegionCell; 8], normal: [i8; 3], depth: u8) -> ([LeafTap; 8], bool) {
+        let (parts, slots) = self.parts_and_slots(depth);
+        let crossed = around.map(|cell| cell.parts(depth) & (cell.faces(normal) as u64).wrapping_neg());
+        let (mut taps, mut any) = ([LeafTap::default(); 8], 0);
+        for corner in 0..8 {
+            let [x, y, z] = Self::steps(corner);
+            let slot = (slots[0][x] | slots[1][y] | slots[2][z]) & 7;
+            let part = parts[0][x] | parts[1][y] | parts[2][z];
+            let cell = around[slot];
+            let weight = self.weight(corner) * (crossed[slot] >> part & 1) as i32;
+            any |= weight;
+            let (rank, weight) = (rank(crossed[slot], part), weight * i32::from(cell.is_deepest));
+            taps[corner] = LeafTap { cell: cell.cell, rank, weight };
+        }
+        (taps, any != 0)
+    }
+
+    /// Weighted sums of the samples at the places, from cells of a region of this depth. `layer`: their samples, which are zeros where
+    /// there are none.
+    #[inline(always)]
+    fn held_sums(&self, around: [&RegionCell; 8], layer: &[Sample], normal: [i8; 3], depth: u8) -> [i32; 4] {
+        let (parts, slots) = self.parts_and_slots(depth);
         let faces = around.map(|cell| -i32::from(cell.faces(normal)));
         let mut sums = [0; 4];
         for corner in 0..8 {
@@ -511,7 +563,7 @@ impl Lattice {
 
 /// Reads as [`Reader::read_cell`] does, from cells of a region, of which one at least is there. `layer`: their samples.
 #[inline(always)]
-fn read_held<const N: usize, const G: usize, const W: usize, const D: usize>(
+fn read_held<const N: usize, const G: usize, const W: usize>(
     around: [&RegionCell; 8],
     layer: &[Sample],
     corner: [i32; 3],
@@ -521,34 +573,27 @@ fn read_held<const N: usize, const G: usize, const W: usize, const D: usize>(
 ) {
     // All of a cell that faces the normal, or none.
     let kept = around.map(|cell| -i16::from(cell.faces(normal)));
-    let row = |z: usize, y: usize| {
-        let (pair, part) = ((z / N) << 2 | (y / N) << 1, N * (z % N * N + y % N));
-        let mut row = [0; D];
-        for x in 0..2 {
-            let (first, kept) = (around[pair | x].first as usize, kept[pair | x]);
-            let samples = layer[first + part..][..N].as_flattened();
-            for lane in 0..W {
-                row[x * W + lane] = samples[lane] & kept;
-            }
-        }
-        row
+    let part = |[x, y, z]: [usize; 3]| {
+        let slot = (z / N) << 2 | (y / N) << 1 | x / N;
+        let sample = layer[around[slot].first as usize + N * (z % N * N + y % N) + x % N];
+        sample.map(|value| value & kept[slot])
     };
-    interpolate::<N, G, W, D>(row, corner, wanted, out);
+    interpolate::<N, G, W>(part, corner, wanted, out);
 }
 
-/// Reads the colours at the middles of the wanted of `N` parts of a cell along each axis. `row`: the samples of 2x2x2 cells from the one
-/// that `corner` lies in, by z and y, four lanes each.
+/// Reads the colours at the middles of the wanted of `N` parts of a cell along each axis. `part`: the sample of a part of 2x2x2 cells from
+/// the one that `corner` lies in, by x, y and z; zeros where there is none.
 ///
 /// All parts have the same fractions along the axes, so that sums are shared: those along x first, then y, then z. `G` is twice `N`;
-/// `W` and `D` are four lanes of each.
+/// `W` is four lanes of `N`.
 #[inline(always)]
-fn interpolate<const N: usize, const G: usize, const W: usize, const D: usize>(
-    row: impl Fn(usize, usize) -> [i16; D],
+fn interpolate<const N: usize, const G: usize, const W: usize>(
+    part: impl Fn([usize; 3]) -> Sample,
     corner: [i32; 3],
     wanted: u64,
     out: &mut [Sample; 64],
 ) {
-    const { assert!((N == 1 || N == 2 || N == 4) && G == 2 * N && W == 4 * N && D == 4 * G) };
+    const { assert!((N == 1 || N == 2 || N == 4) && G == 2 * N && W == 4 * N) };
     let shift = 8 - N.trailing_zeros();
     let (mut upper, mut inner) = ([0; 3], [0; 3]);
     for axis in 0..3 {
@@ -556,19 +601,21 @@ fn interpolate<const N: usize, const G: usize, const W: usize, const D: usize>(
         inner[axis] = (corner[axis] >> shift) as usize & (N - 1);
     }
     if upper == [0; 3] && inner == [0; 3] {
-        for (part, sample) in out[..N * N * N].iter_mut().enumerate() {
-            let [x, y, z] = position(part);
-            sample.copy_from_slice(&row(z, y)[4 * x..][..4]);
+        for (number, sample) in out[..N * N * N].iter_mut().enumerate() {
+            *sample = part(position(number));
         }
         return;
     }
     let mut along_x = [[[0; W]; G]; G];
     for z in 0..=N {
         for y in 0..=N {
-            let row = row(z + inner[2], y + inner[1]);
-            let row = &row[4 * inner[0]..][..W + 4];
+            // Each is read where it is: a row that is put together first would be waited for.
+            let mut row = [[0; 4]; G];
+            for x in 0..=N {
+                row[x] = part([x + inner[0], y + inner[1], z + inner[2]]).map(i32::from);
+            }
             for lane in 0..W {
-                let [lower, upper_value] = [i32::from(row[lane]), i32::from(row[lane + 4])];
+                let [lower, upper_value] = [row[lane / 4][lane % 4], row[lane / 4 + 1][lane % 4]];
                 along_x[z][y][lane] = (lower << WEIGHT_BITS) + (upper_value - lower) * upper[0];
             }
         }
@@ -620,14 +667,35 @@ fn put_parts<const N: usize, const G: usize, const D: usize>(
 }
 
 /// A sample that a reading takes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Tap {
+#[derive(Clone, Copy, Debug)]
+struct Tap {
     /// Layer of the sample.
-    pub layer: u8,
+    layer: u8,
     /// Place of the sample in its layer.
-    pub at: u32,
+    at: u32,
     /// Whether it is one of its block's deepest layer, and no mean of these.
-    pub is_leaf: bool,
+    is_leaf: bool,
+    /// Index of its cell among all of the frame.
+    cell: u32,
+    /// Samples of its cell that precede it in its layer.
+    rank: u32,
+}
+
+/// A leaf that a reading takes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LeafTap {
+    /// Index of its cell among all of the frame.
+    pub cell: u32,
+    /// Leaves of its cell that precede it.
+    pub rank: u32,
+    /// The weight that it has: 0 if there is no leaf.
+    pub weight: i32,
+}
+
+/// How many of a cell's crossed parts precede one.
+#[inline(always)]
+fn rank(parts: u64, part: usize) -> u32 {
+    (parts & ((1 << part) - 1)).count_ones()
 }
 
 /// Coordinates shifted to the right.

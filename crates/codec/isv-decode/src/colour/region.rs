@@ -35,11 +35,23 @@ pub(super) struct RegionCell {
     surfel: Surfel,
     /// Whether there is such a cell.
     is_there: bool,
+    /// Whether its samples are those of its block's deepest layer.
+    pub(super) is_deepest: bool,
     /// The first of its samples in its layer.
     pub(super) first: u32,
+    /// Index of the cell among all of the frame.
+    pub(super) cell: u32,
 }
 
 impl RegionCell {
+    /// Parts of the cell that the surface crosses at a depth of at most 1, a bit each; see [`ColourShape::parts`].
+    ///
+    /// [`ColourShape::parts`]: super::frame::ColourShape::parts
+    #[inline(always)]
+    pub(super) fn parts(&self, depth: u8) -> u64 {
+        if depth == 0 { 1 } else { u64::from(self.surfel.halves) }
+    }
+
     /// Whether there is a cell whose surface faces a normal.
     #[inline(always)]
     pub(super) fn faces(&self, normal: [i8; 3]) -> bool {
@@ -87,9 +99,16 @@ impl Region {
     }
 
     /// Adds the cells of a block that lie in the region. `place`: of the block from the reader's origin; `surfels`: of its cells;
-    /// `start`: of its samples in the layer of the region's depth.
+    /// `start`: of its samples in the layer of the region's depth; `is_deepest`: whether it has none below that layer.
     #[inline(always)]
-    pub(super) fn add(&mut self, place: [i32; 3], cells: &BlockCells, surfels: &[Surfel], start: u32) {
+    pub(super) fn add(
+        &mut self,
+        place: [i32; 3],
+        cells: &BlockCells,
+        surfels: &[Surfel],
+        start: u32,
+        is_deepest: bool,
+    ) {
         let mut from_lowest = [0; 3];
         let mut within = cells.crossed;
         for axis in 0..3 {
@@ -115,7 +134,8 @@ impl Region {
                 }
                 self.numbers[at as usize] = self.cells.len() as u16;
                 let first = start + ((number as u32) << (3 * self.depth));
-                self.cells.push(RegionCell { surfel: surfels[number], is_there: true, first });
+                let (surfel, cell) = (surfels[number], cell as u32);
+                self.cells.push(RegionCell { surfel, is_there: true, is_deepest, first, cell });
             }
         }
     }

@@ -189,7 +189,7 @@ impl ColourEncoder {
             }
             None => {
                 let target = ColourTarget::new(&shape, volume.grid(), samples, self.settings.rounds);
-                let wanted = leaf_values(&shape, &target);
+                let wanted = target.by_block(&shape);
                 self.code_at_rate(&frame, &wanted, reference.as_ref(), (kind, scale), &mut rate)
             }
         };
@@ -203,7 +203,7 @@ impl ColourEncoder {
     fn code_at_rate(
         &mut self,
         frame: &FrameBlocks,
-        wanted: &[Vec<[f32; 3]>],
+        wanted: &[&[[f32; 3]]],
         reference: Option<&ColourReference>,
         (kind, mut scale): (ColourKind, f64),
         rate: &mut ColourRate,
@@ -331,7 +331,7 @@ impl ColourEncoder {
     fn code_frame(
         &mut self,
         frame: &FrameBlocks,
-        wanted: &[Vec<[f32; 3]>],
+        wanted: &[&[[f32; 3]]],
         modes: &[BlockMode],
         before: Option<&ColourFrame>,
         steps: ColourSteps,
@@ -355,7 +355,7 @@ impl ColourEncoder {
     fn choose_modes(
         &self,
         frame: &FrameBlocks,
-        wanted: &[Vec<[f32; 3]>],
+        wanted: &[&[[f32; 3]]],
         reference: &ColourReference,
         step: f32,
     ) -> Vec<BlockMode> {
@@ -441,19 +441,10 @@ fn spread(values: &[[f32; 3]]) -> f32 {
         / count
 }
 
-/// The values wanted of the leaves of each block.
-fn leaf_values(shape: &ColourShape, target: &ColourTarget) -> Vec<Vec<[f32; 3]>> {
-    let of_block = |block: usize| {
-        let values = target.of_block(shape, block);
-        shape.leaf_slots(block).map(|slot| values[slot]).collect()
-    };
-    (0..shape.depths().len()).into_par_iter().map(of_block).collect()
-}
-
 /// Chooses the coefficients of a frame, and decodes it.
 fn code(
     shape: &ColourShape,
-    wanted: &[Vec<[f32; 3]>],
+    wanted: &[&[[f32; 3]]],
     modes: &[BlockMode],
     before: Option<&ColourFrame>,
     quantizer: &Quantizer,
@@ -517,13 +508,13 @@ fn inter_coefficients(
 /// The levels of inter blocks, chosen once it is known what is predicted.
 struct ChosenResiduals<'a> {
     shape: &'a ColourShape,
-    wanted: &'a [Vec<[f32; 3]>],
+    wanted: &'a [&'a [[f32; 3]]],
     quantizer: &'a Quantizer,
     coefficients: Vec<OnceLock<[Vec<Coefficient>; 3]>>,
 }
 
 impl<'a> ChosenResiduals<'a> {
-    fn new(shape: &'a ColourShape, wanted: &'a [Vec<[f32; 3]>], quantizer: &'a Quantizer) -> Self {
+    fn new(shape: &'a ColourShape, wanted: &'a [&'a [[f32; 3]]], quantizer: &'a Quantizer) -> Self {
         let coefficients = wanted.iter().map(|_| OnceLock::new()).collect();
         Self { shape, wanted, quantizer, coefficients }
     }
@@ -543,7 +534,7 @@ impl InterLevels for ChosenResiduals<'_> {
         predicted: &[Sample],
     ) -> [&[Coefficient]; 3] {
         self.shape.build_tree(block, tree);
-        let choose = || inter_coefficients(tree, predicted, &self.wanted[block], quantizer);
+        let choose = || inter_coefficients(tree, predicted, self.wanted[block], quantizer);
         self.coefficients[block].get_or_init(choose).each_ref().map(Vec::as_slice)
     }
 }
@@ -580,13 +571,13 @@ struct ChosenBlock {
 }
 
 impl ChosenLevels {
-    fn new(shape: &ColourShape, wanted: &[Vec<[f32; 3]>], modes: &[BlockMode], quantizer: Quantizer) -> Self {
+    fn new(shape: &ColourShape, wanted: &[&[[f32; 3]]], modes: &[BlockMode], quantizer: Quantizer) -> Self {
         let of_block = |tree: &mut BlockTree, block: usize| {
             if modes[block] != BlockMode::Spatial {
                 return Vec::new();
             }
             shape.build_tree(block, tree);
-            level_means(tree, wanted[block].clone())
+            level_means(tree, wanted[block].to_vec())
         };
         let count = modes.len();
         Self {

@@ -10,23 +10,48 @@ use isv_volume::{BlockCoord, ColourSample, Grid};
 #[must_use]
 #[inline(always)]
 pub fn locate(reader: &mut Reader, grid: &Grid, sample: &ColourSample) -> Option<([i32; 3], [i8; 3], f32)> {
-    let voxel_m = grid.voxel_size.metres();
-    let (mut block, mut local, mut position) = ([0; 3], [0; 3], [0.0; 3]);
-    for axis in 0..3 {
-        let at = f64::from(sample.position[axis]) / voxel_m - 0.5;
-        let voxel = at.floor() as i32;
-        block[axis] = voxel >> 3;
-        local[axis] = voxel & 7;
-        position[axis] = (256.0 * (at - 8.0 * f64::from(block[axis]))) as f32;
+    let place = Place::new(grid, sample)?;
+    reader.turn_to(place.block);
+    land(reader, &place, sample.normal)
+}
+
+/// Where a colour was seen.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    /// The block that it lies in.
+    pub(super) block: BlockCoord,
+    /// The voxel, from the block's first.
+    local: [i32; 3],
+    /// In 1/256 voxel, from the centre of the block's first voxel.
+    position: [f32; 3],
+}
+
+impl Place {
+    /// The place of a sample; `None` outside of what blocks can lie in.
+    #[inline(always)]
+    pub(super) fn new(grid: &Grid, sample: &ColourSample) -> Option<Self> {
+        let voxel_m = grid.voxel_size.metres();
+        let (mut block, mut local, mut position) = ([0; 3], [0; 3], [0.0; 3]);
+        for axis in 0..3 {
+            let at = f64::from(sample.position[axis]) / voxel_m - 0.5;
+            let voxel = at.floor() as i32;
+            block[axis] = voxel >> 3;
+            local[axis] = voxel & 7;
+            position[axis] = (256.0 * (at - 8.0 * f64::from(block[axis]))) as f32;
+        }
+        let block = BlockCoord::from(block);
+        block.in_range().then_some(Self { block, local, position })
     }
-    let origin = BlockCoord::from(block);
-    if !origin.in_range() {
-        return None;
-    }
-    reader.turn_to(origin);
-    let mut best = nearest_plane(reader, local, position, sample.normal);
+}
+
+/// Finds the point of the decoded surface that shows what was seen at a place, as [`locate`] does. `facing`: the normal there. The
+/// reader is turned to the place's block.
+#[inline(always)]
+pub(super) fn land(reader: &mut Reader, place: &Place, facing: [f32; 3]) -> Option<([i32; 3], [i8; 3], f32)> {
+    let Place { local, position, .. } = *place;
+    let mut best = nearest_plane(reader, local, position, facing);
     if best.is_none_or(|plane| plane.height > 0.5) {
-        best = nearest_around(reader, local, position, sample.normal, best);
+        best = nearest_around(reader, local, position, facing, best);
     }
     let Landing { onto, normal, height } = best?;
     let mut rounded = [0; 3];
@@ -76,8 +101,7 @@ fn nearest_plane(
     position: [f32; 3],
     facing: [f32; 3],
 ) -> Option<Landing> {
-    let found = reader.cell(voxel)?;
-    let surfel = reader.surfel(found);
+    let surfel = reader.plane(voxel)?;
     let (mut normal, mut from_middle) = ([0.0; 3], [0.0; 3]);
     let (mut agreement, mut height) = (0.0, 0.0);
     for axis in 0..3 {

@@ -58,7 +58,7 @@ struct Probe {
 pub(crate) struct MotionSearch<'a> {
     shape: &'a ColourShape,
     before: &'a ColourFrame,
-    wanted: &'a [Vec<[f32; 3]>],
+    wanted: &'a [&'a [[f32; 3]]],
     probes: Vec<Vec<Probe>>,
     /// Squared error that a bit may cost, in 8-bit steps.
     lambda: f32,
@@ -71,7 +71,7 @@ impl<'a> MotionSearch<'a> {
     pub(crate) fn new(
         shape: &'a ColourShape,
         before: &'a ColourFrame,
-        wanted: &'a [Vec<[f32; 3]>],
+        wanted: &'a [&'a [[f32; 3]]],
         search: &ColourSearch,
         (step, lambda): (f32, f32),
     ) -> Self {
@@ -112,7 +112,7 @@ impl<'a> MotionSearch<'a> {
 
     #[inline(always)]
     fn error_of(&self, reader: &mut Reader, block: usize, vector: Vector, most: f32) -> f32 {
-        let (probes, wanted) = (&self.probes[block], &self.wanted[block]);
+        let (probes, wanted) = (&self.probes[block], self.wanted[block]);
         let depth = self.shape.depths()[block];
         let [x, y, z] = vector.0;
         let motion = [32 * i32::from(x), 32 * i32::from(y), 32 * i32::from(z)];
