@@ -71,7 +71,7 @@ pub enum ToolError {
     /// A picture of another size than the first of its video.
     #[error("a texture of {} x {} pixels in a video of {} x {}", size[0], size[1], expected[0], expected[1])]
     PictureSize {
-        /// Its width and height in pixels.
+        /// Width and height of the picture in pixels.
         size: [u32; 2],
         /// Width and height of the video.
         expected: [u32; 2],

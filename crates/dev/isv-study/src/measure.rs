@@ -360,7 +360,7 @@ struct Compared {
     frame_colour_errors: Vec<ColourError>,
     /// The decoded picture frame.
     picture: Option<Geometry>,
-    /// As [`Measured::coloured_frames`].
+    /// Frames for [`Measured::coloured_frames`].
     coloured_frames: Vec<(usize, TriangleMesh)>,
 }
 

@@ -103,8 +103,8 @@ impl Store {
         Some(self.path(&record.codec, &record.point, "isv")).filter(|path| path.is_file())
     }
 
-    /// A decoded frame, by its place in the take, of a record without such a stream, as GLB with its colour; it is there if
-    /// [`StudySettings::sheet_frames`] names it and it has colour.
+    /// Path of a decoded frame as GLB, by its place in the take, for a record without such a stream. The file is there if
+    /// [`StudySettings::sheet_frames`] names the frame and it has colour.
     #[must_use]
     pub fn coloured_frame(&self, record: &Record, frame: usize) -> PathBuf {
         self.path(&record.codec, &format!("{}-frame{frame}", record.point), "glb")

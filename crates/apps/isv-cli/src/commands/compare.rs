@@ -54,10 +54,10 @@ pub(crate) struct Args {
     output: PathBuf,
     /// Codecs to study, separated by commas [default: all that can run]
     ///
-    /// Savings are summed up against the first. The codecs are paper-intra, paper-zero, paper-3dof, paper-6dof,
-    /// paper-auto, main-realtime, main-balanced, main-archive, tang-scene, tang-cross, draco, draco-50, draco-25,
-    /// draco-10, draco-5, draco-video, draco-video-25, gltfpack, gltfpack-25, tmc13-octree, tmc13-trisoup, tmc2 and vdmc.
-    /// A number is the share of faces (%) that simplification leaves. draco-video codes textures as H.264 beside Draco's
+    /// Savings are summed up against the first. isv's own codecs are paper-intra, paper-zero, paper-3dof, paper-6dof,
+    /// paper-auto, main-realtime, main-balanced and main-archive. Trained transforms are tang-scene and tang-cross. The others
+    /// are draco, draco-50, draco-25, draco-10, draco-5, draco-video, draco-video-25, gltfpack, gltfpack-25, tmc13-octree,
+    /// tmc13-trisoup, tmc2 and vdmc. A number is the share of faces (%) that simplification leaves. draco-video codes textures as H.264 beside Draco's
     /// meshes.
     ///
     /// Those from draco on are programs of others: ffmpeg (x264), gltfpack (meshoptimizer), tmc13 (MPEG G-PCC), tmc2 (MPEG

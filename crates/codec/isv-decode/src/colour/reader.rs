@@ -182,8 +182,8 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Reads the colour at a position, in 1/256 voxel from the middle of the origin's first voxel: the mean of the samples around it,
-    /// weighted trilinearly, of those that are there. `depth`: of the samples wanted; where a block has none so deep, its deepest
+    /// Reads the colour at a position, in 1/256 voxel from the middle of the origin's first voxel. It is the trilinear mean of the
+    /// samples around it that are there. `depth`: of the samples wanted; where a block has none so deep, its deepest
     /// are read. `normal`: only samples of surfaces that face it count. `None` if there are no samples.
     #[inline(always)]
     pub fn read(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8) -> Option<Sample> {

@@ -15,7 +15,7 @@ pub fn locate(reader: &mut Reader, grid: &Grid, sample: &ColourSample) -> Option
     land(reader, &place, sample.normal)
 }
 
-/// Where a colour was seen.
+/// Position at which a colour was seen.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
     /// The block that it lies in.

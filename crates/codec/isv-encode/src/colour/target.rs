@@ -182,8 +182,8 @@ impl ColourTarget {
         (0..shape.depths().len()).map(|block| &self.values[self.leaves(shape, block)]).collect()
     }
 
-    /// Gives the leaves near which nothing was seen the mean of their node's others, of the smallest node that has any; then of the
-    /// blocks around.
+    /// Fills the leaves near which nothing was seen with the mean of the other leaves of their node. The node is the smallest that has
+    /// any; without one, the blocks around count.
     fn fill(&mut self, shape: &ColourShape, seen: &[Seen]) {
         let count = shape.depths().len();
         let ranges: Vec<Range<usize>> = (0..count).map(|block| self.leaves(shape, block)).collect();
@@ -267,8 +267,8 @@ impl ColourTarget {
     }
 }
 
-/// Sums up values of leaves on several threads, each of which sees all that is added, in one order, and takes what belongs to its part:
-/// sums do not depend on the number of threads.
+/// Sums up values of leaves on several threads. Each thread sees all that is added, in one order, and takes what belongs to its part.
+/// Sums do not depend on the number of threads.
 fn in_parts(sums: &mut [Seen], add: impl Fn(&Range<usize>, &mut [Seen]) + Sync) {
     let of_part = sums.len().div_ceil(rayon::current_num_threads()).max(1);
     sums.par_chunks_mut(of_part).enumerate().for_each(|(part, sums)| {

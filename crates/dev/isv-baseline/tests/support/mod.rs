@@ -11,8 +11,8 @@ pub(crate) fn load(sequence: &str, frame: usize) -> Option<TriangleMesh> {
     Some(read_mesh(&path, Unit::Metre).expect("a mesh"))
 }
 
-/// A square of 1 m at z = 0 in `2 * cells * cells` triangles, whose texture coordinates are x and y; right of x = 0.5 they are further by 2
-/// in x, so that there is a seam.
+/// A square of 1 m at z = 0 in `2 * cells * cells` triangles. Its texture coordinates are x and y, and 2 more in x from x = 0.5 on: there
+/// is a seam.
 #[allow(dead_code)]
 pub(crate) fn textured_square(cells: u32) -> TriangleMesh {
     let side = cells + 1;
