@@ -226,8 +226,7 @@ impl Builder {
         let (luma_step, chroma_step) = (part.luma_step, part.chroma_step);
         let mut header = ColourHeader { kind, luma_step, chroma_step, slices: part.slices, hash: None };
         let before = reference.unwrap_or_default();
-        let decoded =
-            reconstruct(shape, &symbols, &steps(&header), kind.predicts().then_some(&*before.frame));
+        let decoded = reconstruct(kind, shape, &symbols, &steps(&header), &before.frame);
         header.hash = Some(decoded.hash());
         self.reference = Some(ColourReference::new(Arc::new(decoded), &symbols));
         (header, segments)
