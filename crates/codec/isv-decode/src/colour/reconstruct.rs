@@ -458,12 +458,7 @@ impl IntraSources<'_> {
 }
 
 /// The means above the cells of the inter blocks around intra blocks, if they count; zeros for all others.
-fn upper_means(
-    shape: &ColourShape,
-    cells: &[Sample],
-    sources: &IntraSources,
-    intra: &[usize],
-) -> UpperMeans {
+fn upper_means(shape: &ColourShape, cells: &[Sample], sources: &IntraSources, intra: &[usize]) -> UpperMeans {
     let count = shape.depths().len();
     let mut upper = [1, 8, 64].map(|nodes| vec![[0; 4]; nodes * count]);
     let mut tree = BlockTree::default();

@@ -197,19 +197,20 @@ impl ColourEncoder {
             Some(cycle) if kind.predicts() => self.in_cycle % cycle.max(1) + 1,
             _ => 0,
         };
-        let (coded, encoded) = match reference.as_ref().filter(|_| samples.is_empty() && kind != ColourKind::Resilient) {
-            Some(before) => {
-                let coded = self.carry_over(&frame, &before.frame, self.steps(kind, scale));
-                let encoded = self.encoded(kind, &coded);
-                rate.spend(encoded.stream_bits());
-                (coded, encoded)
-            }
-            None => {
-                let target = ColourTarget::new(&shape, volume.grid(), samples, self.settings.rounds);
-                let wanted = leaf_values(&shape, &target);
-                self.code_at_rate(&frame, &wanted, reference.as_ref(), (kind, scale), &mut rate)
-            }
-        };
+        let (coded, encoded) =
+            match reference.as_ref().filter(|_| samples.is_empty() && kind != ColourKind::Resilient) {
+                Some(before) => {
+                    let coded = self.carry_over(&frame, &before.frame, self.steps(kind, scale));
+                    let encoded = self.encoded(kind, &coded);
+                    rate.spend(encoded.stream_bits());
+                    (coded, encoded)
+                }
+                None => {
+                    let target = ColourTarget::new(&shape, volume.grid(), samples, self.settings.rounds);
+                    let wanted = leaf_values(&shape, &target);
+                    self.code_at_rate(&frame, &wanted, reference.as_ref(), (kind, scale), &mut rate)
+                }
+            };
         if let (Some(before), Some(_)) = (&reference, self.settings.cycle) {
             let (before, modes) = ((&*before.frame, self.exact_before()), &coded.symbols.modes);
             self.exact = ExactColour::of_frame(kind, &coded.frame.shape, modes, before);
@@ -334,8 +335,8 @@ impl ColourEncoder {
 
     /// The blocks of a frame that must be exact after it, if it is part of a cycle.
     fn refreshed(&self, frame: &FrameBlocks, before: &ColourFrame) -> Option<Refreshed> {
-        let position = (self.in_cycle - 1, self.settings.cycle?);
-        Some(Refreshed::new(position, frame.known.len(), (before, self.exact_before())))
+        let cycle = self.settings.cycle?;
+        Some(Refreshed::new((self.in_cycle - 1, cycle), frame.known.len(), (before, self.exact_before())))
     }
 
     /// A frame that is the one before, where its surface now is.
