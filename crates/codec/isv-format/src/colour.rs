@@ -24,8 +24,8 @@ impl ColourKind {
         self != Self::Intra
     }
 
-    /// Whether blocks that are predicted from their own frame are predicted from each other alone (constrained intra prediction): then
-    /// nothing of the frame before reaches them.
+    /// Whether intra blocks are predicted from one another alone (constrained intra prediction). Then nothing of the frame before
+    /// reaches them.
     #[must_use]
     pub fn constrains_intra(self) -> bool {
         self == Self::Resilient

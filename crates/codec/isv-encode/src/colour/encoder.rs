@@ -36,7 +36,7 @@ const ROUNDING: f32 = 0.36;
 pub struct ColourSettings {
     /// Layers of samples, 1 to 3: at voxels, half voxels, quarter voxels.
     pub layers: u8,
-    /// Quantizer step of luma in keyframes, in 8-bit steps.
+    /// Quantizer step of luma in keyframes, and in frames that can be read without the one before, in 8-bit steps.
     pub key_step: f32,
     /// Quantizer step of luma in predicted frames, in 8-bit steps.
     pub step: f32,
@@ -54,8 +54,7 @@ pub struct ColourSettings {
     pub spacing: f32,
     /// Number of slices, 1 to 256.
     pub slices: u16,
-    /// Frames in which all blocks are made exact again, in streams without keyframes whose frames can each be read without the one before;
-    /// `None` in others.
+    /// Frames of a cycle of refresh, in which all blocks are made exact again; `None` in streams that have keyframes for this.
     pub cycle: Option<u32>,
     /// Whether frames carry a hash of the decoded samples.
     pub checksums: bool,
@@ -279,7 +278,11 @@ impl ColourEncoder {
 
     /// The steps of a frame as they are coded.
     fn steps(&self, kind: ColourKind, scale: f64) -> ColourSteps {
-        let step = self.step(kind, scale);
+        // Blocks that are coded anew in a resilient frame are to be as good as those of an intra frame.
+        let step = match kind {
+            ColourKind::Intra | ColourKind::Resilient => self.step(ColourKind::Intra, scale),
+            ColourKind::Predicted => self.step(ColourKind::Predicted, scale),
+        };
         let in_sixteenths = |step: f32| (step * 16.0).round().clamp(1.0, 65535.0) as u32;
         ColourSteps { luma: in_sixteenths(step), chroma: in_sixteenths(step * self.settings.chroma) }
     }
@@ -376,13 +379,22 @@ impl ColourEncoder {
         for attempt in attempts {
             let trade = Trade { lambda: self.settings.lambda, rounding: ROUNDING, search: attempt > 0 };
             let quantizer = Quantizer { models: self.learned[learned].clone(), steps, trade };
-            let (symbols, decoded) = code(frame, wanted, modes, before, &quantizer);
+            let temporal = Quantizer { trade: self.temporal_trade(frame.kind, trade), ..quantizer.clone() };
+            let (symbols, decoded) = code(frame, wanted, modes, before, [&quantizer, &temporal]);
             let mut entropy = self.entropy.clone();
             let segments = write(&mut entropy, frame, &symbols);
             self.learned[learned] = entropy.slices(1)[0].coefficients.clone();
             coded = Some(CodedColour { symbols, frame: decoded, entropy, segments, steps });
         }
         coded.expect("there is an attempt")
+    }
+
+    /// How the levels of temporal blocks are chosen. In a resilient frame, whose steps are those of an intra one, a bit costs as much
+    /// squared error as with the larger steps of other predicted frames.
+    fn temporal_trade(&self, kind: ColourKind, trade: Trade) -> Trade {
+        let ColourSettings { key_step, step, .. } = self.settings;
+        let larger = if kind == ColourKind::Resilient { step / key_step } else { 1.0 };
+        Trade { lambda: larger * larger * trade.lambda, ..trade }
     }
 
     /// How each block is predicted.
@@ -515,20 +527,20 @@ fn leaf_values(shape: &ColourShape, target: &ColourTarget) -> Vec<Vec<[f32; 3]>>
     (0..shape.depths().len()).into_par_iter().map(of_block).collect()
 }
 
-/// Chooses the coefficients of a frame, and decodes it.
+/// Chooses the coefficients of a frame, and decodes it. The quantizers are those of spatial and of temporal blocks.
 fn code(
     FrameBlocks { kind, shape, .. }: &FrameBlocks,
     wanted: &[Vec<[f32; 3]>],
     modes: &[BlockMode],
     before: Option<&ColourFrame>,
-    quantizer: &Quantizer,
+    [quantizer, temporal]: [&Quantizer; 2],
 ) -> (ColourSymbols, ColourFrame) {
     let mut symbols =
         ColourSymbols { modes: modes.to_vec(), depths: shape.depths().to_vec(), layers: Default::default() };
     let mut coefficients: Vec<[Vec<Coefficient>; 3]> = modes.iter().map(|_| Default::default()).collect();
     let mut layers = shape.layers();
     if let Some(before) = before {
-        let chosen = ChosenResiduals::new(shape, wanted, quantizer);
+        let chosen = ChosenResiduals::new(shape, wanted, temporal);
         reconstruct_inter(shape, &mut layers, modes, &quantizer.steps, before, &chosen);
         coefficients =
             chosen.coefficients.into_iter().map(|own| own.into_inner().unwrap_or_default()).collect();

@@ -1,7 +1,7 @@
 //! Intra refresh of colour: how a decoder that has lost something has all colours again, without an intra frame.
 //!
-//! Over a cycle of frames colour is made exact, whatever it was (`docs/spec/format.md`, section 7.14.12): in the `n`-th of `N` frames, the
-//! first `n / N` of the colour blocks, in Morton order, must be. A block among these is predicted from the frame before only where that
+//! Over a cycle of frames colour is made exact, whatever it was (`docs/spec/format.md`, section 7.14.12). In the `n`-th of `N` frames, the
+//! first `n / N` of the colour blocks must be, in Morton order. A block among these is predicted from the frame before only where that
 //! is exact already, else from its own frame.
 
 use isv_decode::colour::{ColourFrame, ColourShape, ExactColour, ExactReader, ExactSource};
