@@ -389,8 +389,8 @@ impl ColourEncoder {
         coded.expect("there is an attempt")
     }
 
-    /// How the levels of temporal blocks are chosen. In a resilient frame, whose steps are those of an intra one, a bit costs as much
-    /// squared error as with the larger steps of other predicted frames.
+    /// How the levels of temporal blocks are chosen. Resilient frames have the small steps of intra ones. A bit still saves as much
+    /// squared error as in other predicted frames.
     fn temporal_trade(&self, kind: ColourKind, trade: Trade) -> Trade {
         let ColourSettings { key_step, step, .. } = self.settings;
         let larger = if kind == ColourKind::Resilient { step / key_step } else { 1.0 };
