@@ -18,15 +18,20 @@ class ColourDecoder:
     def __init__(self, layers):
         self.layers = layers
         self.reference, self.models, self.current = None, Models(), False
-        self.exact = False                            # of the reference (7.14.12)
+        self.known = False                            # of the reference (7.14.12)
+
+    @property
+    def exact(self):
+        """Whether the colour of the last frame is exact (7.14.12)."""
+        return self.known and all(block.exact for block in (self.reference or {}).values())
 
     def lose(self):
-        self.current = self.exact = False
+        self.current = self.known = False
 
     def decode(self, packet, volume, colour, volume_exact):
         """`colour`: the colour part, or None. Returns the colour hash of the frame, None if it has no colour."""
         if packet.keyframe:
-            self.reference, self.current, self.exact = None, False, True
+            self.reference, self.current, self.known = None, False, True
         if not volume_exact:
             self.lose()
             return self.carry_over(volume)
@@ -36,25 +41,24 @@ class ColourDecoder:
         malformed_if(packet.keyframe and part.kind != 0, "kind of colour of a keyframe")
         if part.kind == 1 and not self.current:
             if not self.exact:
+                self.lose()
                 return self.carry_over(volume)
             raise Refused("missing", "the colour of the frame before is not there")
         if part.kind != 1:
             self.models = Models()
         if part.kind == 0:
             self.reference = None
-        blocks = self.decode_part(part, volume)
-        temporal = any(block.vector is not None for block in blocks.values())
-        self.exact = self.exact or not temporal
-        found = colour_hash(blocks)
+        self.reference = self.decode_part(part, volume)
+        self.current = self.known = True
+        found = colour_hash(self.reference)
         if self.exact and part.colour_hash not in (None, found):
             raise Refused("damaged", f"colour hash {part.colour_hash:016x}, but the samples have {found:016x}")
-        self.reference, self.current = blocks, True
         return found
 
     def carry_over(self, volume):
         if self.reference is None:
             return None
-        self.reference = carried_over(volume, self.reference)
+        self.reference = carried_over(volume, self.reference, self.known)
         return colour_hash(self.reference)
 
     def decode_part(self, part, volume):
@@ -69,14 +73,17 @@ class ColourDecoder:
             for layer in range(self.layers):
                 of_slice.read_coefficients(layer)
             levels |= of_slice.levels
-        for b, block in blocks.items():
-            if block.vector is not None:
-                decode_temporal(b, blocks, self.reference, levels[b], part.steps)
-        decode_spatial(blocks, levels, part.steps)
+        temporal = [b for b, block in blocks.items() if block.vector is not None]
+        for b in temporal:
+            decode_temporal(b, blocks, self.reference, self.known, levels[b], part.steps)
+        decode_spatial(blocks, levels, part.steps, part.kind == 2)
+        if part.kind == 1:
+            for block in blocks.values():
+                block.exact = block.exact if block.vector is not None else all(blocks[b].exact for b in temporal)
         return blocks
 
 
-def carried_over(volume, reference):
+def carried_over(volume, reference, known):
     """7.14.11"""
     blocks = colour_blocks(volume)
     for b, block in blocks.items():
@@ -84,7 +91,7 @@ def carried_over(volume, reference):
         block.depth = reference[b].depth if b in reference else 0
     check_samples(blocks)
     for b in blocks:
-        decode_temporal(b, blocks, reference, [{}, {}, {}], (1, 1, 1))
+        decode_temporal(b, blocks, reference, known, [{}, {}, {}], (1, 1, 1))
     return blocks
 
 

@@ -76,11 +76,12 @@ class ColourBlock:
 
     samples[l]   of layer l: place of a part on level 3 + l of the octree -> colour
     coded[l]     whether layer l has a level that is not 0
+    exact        whether its samples are those of a decoder without loss (7.14.12), if the frame is known
     """
 
     def __init__(self, cells):
         self.cells = cells
-        self.depth, self.vector = 0, None
+        self.depth, self.vector, self.exact = 0, None, True
         self.coded = [False] * 3
         self.samples = [{}, {}, {}]
         self.there = nodes(cells)

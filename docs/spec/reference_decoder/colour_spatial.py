@@ -5,11 +5,14 @@ from colour_transform import GREY, add_differences, limited, mean, mean_change, 
 from conventions import NEIGHBOURS, add
 
 
-def decode_spatial(blocks, levels, steps):
-    """Writes the samples of all spatial blocks. `blocks`: those of the frame, of which the temporal ones have their samples."""
+def decode_spatial(blocks, levels, steps, constrained):
+    """Writes the samples of all spatial blocks. `blocks`: those of the frame, of which the temporal ones have their samples.
+    `constrained`: whether these are as if they were not there (kind 2)."""
     spatial = [b for b, block in blocks.items() if block.vector is None]
     if not spatial:
         return
+    if constrained:
+        blocks = {b: blocks[b] for b in spatial}
     trees = {b: blocks[b].tree() for b in blocks}
     means = {b: means_of_temporal(block, trees[b]) if block.vector is not None else [{} for _ in range(6)]
              for b, block in blocks.items()}

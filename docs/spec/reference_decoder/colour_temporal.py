@@ -1,4 +1,4 @@
-"""Sections 7.14.8 and 7.14.9: reading, and temporal blocks."""
+"""Sections 7.14.8 and 7.14.9: reading, and temporal blocks; of 7.14.12 whether these are exact."""
 
 from colour_cells import CORNERS, interleaved, position, trunc_div
 from colour_transform import GREY, add_differences, limited, mean, mean_change, plus
@@ -6,11 +6,12 @@ from conventions import CUBE, add
 
 
 class Reader:
-    """The reference, read at positions that count from block `b`."""
+    """The reference, read at positions that count from block `b`. `all_exact`: whether all samples that were taken are."""
 
     def __init__(self, reference, b):
         self.reference, self.b = reference or {}, b
         self.found = {}
+        self.all_exact = True
 
     def block(self, voxel):
         return self.reference.get(add(self.b, tuple(c >> 3 for c in voxel)))
@@ -47,6 +48,7 @@ class Reader:
             if number in cell.part_sets[m]:
                 colours.append(block.samples[m][place << 3 * m | number])
                 weights.append(weight)
+                self.all_exact = self.all_exact and block.exact
         return mean(colours, weights) if colours else None
 
     def read_part(self, at, n, m):
@@ -108,7 +110,7 @@ def displacement(reader, cell, by_motion):
 
 
 def predict(b, blocks, reference):
-    """The predicted samples of the deepest layer of a block."""
+    """The predicted samples of the deepest layer of a block, and whether they are made of exact ones."""
     block, reader = blocks[b], Reader(reference, b)
     around = {d: blocks[add(b, d)].vector for d in CUBE if add(b, d) in blocks}
     vectors = {d: vector for d, vector in around.items() if vector is not None}
@@ -123,7 +125,7 @@ def predict(b, blocks, reference):
             predicted[place << 3 * d | part] = reader.read_part(at, cell.normal, m)
     there = [colour for colour in predicted.values() if colour is not None]
     fill = limited(mean(there, [1] * len(there))) if there else GREY
-    return {place: fill if colour is None else colour for place, colour in predicted.items()}
+    return {place: fill if colour is None else colour for place, colour in predicted.items()}, reader.all_exact
 
 
 def residual(block, levels, steps):
@@ -144,10 +146,11 @@ def residual(block, levels, steps):
     return r
 
 
-def decode_temporal(b, blocks, reference, levels, steps):
-    """Writes the samples of a temporal block."""
+def decode_temporal(b, blocks, reference, known, levels, steps):
+    """Writes the samples of a temporal block, and whether it is exact. `known`: whether the reference is."""
     block = blocks[b]
-    samples = predict(b, blocks, reference)
+    samples, made_of_exact = predict(b, blocks, reference)
+    block.exact = known and made_of_exact
     if any(block.coded):
         r = residual(block, levels, steps)
         samples = {place: limited(plus(colour, r[place])) for place, colour in samples.items()}

@@ -42,8 +42,10 @@ pub(super) fn streams() -> Result<Vec<(&'static str, ColourStream)>> {
     let deep = Taste { deep: [1.0; 2], ..mixed };
     let passing = [[0; 3], [1, 0, 0], [2, 1, 0], [3, 1, -1]];
     Ok(vec![
-        ("colour_encoded", encoded(ColourLayers::HalfVoxels, Refresh::Keyframes)?),
-        ("colour_encoded_resilient", encoded(ColourLayers::QuarterVoxels, Refresh::Gradual)?),
+        ("colour_encoded", encoded(ColourLayers::HalfVoxels, Refresh::Keyframes, 5)?),
+        ("colour_encoded_resilient", encoded(ColourLayers::QuarterVoxels, Refresh::Gradual, 5)?),
+        ("colour_refreshed", encoded(ColourLayers::HalfVoxels, Refresh::Gradual, 13)?),
+        ("colour_refreshed_noise", refreshed_noise()?),
         ("colour_one_layer", {
             let parts = [intra(mixed), predicted(mixed), predicted(still)];
             balls(ColourLayers::Voxels, 1, &passing, &parts.map(Some))?
@@ -226,8 +228,7 @@ impl Builder {
         let (luma_step, chroma_step) = (part.luma_step, part.chroma_step);
         let mut header = ColourHeader { kind, luma_step, chroma_step, slices: part.slices, hash: None };
         let before = reference.unwrap_or_default();
-        let decoded =
-            reconstruct(shape, &symbols, &steps(&header), kind.predicts().then_some(&*before.frame));
+        let decoded = reconstruct(kind, shape, &symbols, &steps(&header), &before.frame);
         header.hash = Some(decoded.hash());
         self.reference = Some(ColourReference::new(Arc::new(decoded), &symbols));
         (header, segments)
@@ -311,8 +312,27 @@ fn balls(
     builder.finish()
 }
 
+/// Resilient frames whose colour is drawn, of a volume that is refreshed in two frames: some blocks are predicted from exact ones alone.
+fn refreshed_noise() -> Result<ColourStream> {
+    let mut builder = Builder::new(ColourLayers::QuarterVoxels, 4, 13)?;
+    let mut encoder = Encoder::new(&builder.header, EncoderSettings { gop: 2, ..one_gop() });
+    let near = Taste { spatial: 0.7, new: 0.5, reach: 6, ..Taste::MIXED };
+    for frame in 0..9 {
+        let coded = encoder.encode(&small_ball(&builder.header, [frame / 2, 0, -frame / 3]));
+        let volume = encoder.reconstruction().context("a frame was just encoded")?;
+        let part = match frame {
+            0 => Some(intra(near)),
+            5 => None,
+            6 => Some(predicted(near)),
+            _ => Some(resilient(near)),
+        };
+        builder.frame(coded.keyframe, (&coded.payload().to_bytes(), true), volume, part.as_ref())?;
+    }
+    builder.finish()
+}
+
 /// Encodes a painted ball with our encoder.
-fn encoded(layers: ColourLayers, refresh: Refresh) -> Result<ColourStream> {
+fn encoded(layers: ColourLayers, refresh: Refresh, frames: i32) -> Result<ColourStream> {
     let mut builder = Builder::new(layers, 4, 0)?;
     let main = MainSettings { refresh, ..MainSettings::default() };
     let settings = EncoderSettings { checksums: true, main, gop: 3, ..Default::default() };
@@ -325,7 +345,7 @@ fn encoded(layers: ColourLayers, refresh: Refresh) -> Result<ColourStream> {
         cycle,
         ..ColourSettings::default()
     });
-    for frame in 0..5 {
+    for frame in 0..frames {
         let place = [frame, 0, -frame / 2];
         let coded = geometry.encode(&small_ball(&builder.header, place));
         let volume = geometry.reconstruction().context("a frame was just encoded")?;

@@ -6,7 +6,7 @@ pub(crate) mod sequence;
 
 use crate::DecodeError;
 use crate::backend::{Backend, Cpu};
-use crate::colour::ColourFrame;
+use crate::colour::{ColourFrame, ExactColour};
 use crate::main::ExactBlocks;
 use crate::main::decoder::MainDecoder;
 use crate::paper::decoder::PaperDecoder;
@@ -143,6 +143,15 @@ impl<B: Backend> Decoder<B> {
         match &self.profile {
             ProfileDecoder::Paper(_) => false,
             ProfileDecoder::Main(decoder) => decoder.is_colour_exact(),
+        }
+    }
+
+    /// What of the last frame's colour is as a decoder without loss has it: see [`Self::recover`]. `None` where colour is not decoded.
+    #[must_use]
+    pub fn exact_colour(&self) -> Option<&ExactColour> {
+        match &self.profile {
+            ProfileDecoder::Paper(_) => None,
+            ProfileDecoder::Main(decoder) => decoder.exact_colour(),
         }
     }
 

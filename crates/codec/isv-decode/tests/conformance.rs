@@ -1,6 +1,7 @@
 //! The committed streams decode to the committed hashes, or are refused as they have to be, with every instruction set that the
 //! machine has, and what is said of them after losses is as committed. They never change: see `conformance/README.md`.
 
+use isv_decode::colour::{ColourDecoder, ColourError, ColourFrame, Sample};
 use isv_decode::main::ExactBlocks;
 use isv_decode::{DecodeError, Decoder, Limits, volume_hash};
 use isv_format::{PacketReader, RefusalClass};
@@ -10,6 +11,7 @@ use isv_volume::{SparseVolume, VolumeBuilder};
 use std::collections::BTreeMap;
 use std::env::consts::ARCH;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../conformance")
@@ -155,6 +157,57 @@ fn colour_that_must_be_refused_is_by_those_who_want_it() {
         );
         assert!(decode(&streams[name]).1.is_ok(), "{name}: the volumes decode");
     }
+}
+
+/// The samples of a colour block.
+fn block_samples(frame: &ColourFrame, block: usize) -> &[Sample] {
+    let depth = frame.shape.depths()[block];
+    &frame.layers[usize::from(depth)][frame.shape.block_samples(block, depth)]
+}
+
+#[test]
+fn colour_blocks_that_are_said_to_be_exact_are() {
+    let (mut exact_blocks, mut wrong_blocks) = (0, 0);
+    for (name, bytes) in streams(&folder()).iter().filter(|(name, _)| name.starts_with("colour_")) {
+        let mut reader = PacketReader::new(&bytes[..]).unwrap();
+        let layers = reader.header().colour_layers.count();
+        let mut decoder = Decoder::new(reader.header(), Limits::default());
+        decoder.keep_colour(true);
+        let mut frames = Vec::new();
+        while let Some(packet) = reader.next_frame().unwrap() {
+            let volume = decoder.decode(&packet).unwrap().volume.clone();
+            let part = packet.colour().unwrap().map(<[u8]>::to_vec);
+            frames.push((packet.is_keyframe(), volume, part, decoder.colour().cloned()));
+        }
+        // Colour alone is lost, whatever the volumes are predicted from.
+        for lost in 0..frames.len() {
+            let mut colour = ColourDecoder::new(layers);
+            for (number, (keyframe, volume, part, whole)) in frames.iter().enumerate() {
+                if number == lost {
+                    colour.lose();
+                    continue;
+                }
+                if *keyframe {
+                    colour.begin_group();
+                }
+                let decoded = part.as_ref().map(|part| colour.decode(volume, part, 0, true).map(Arc::clone));
+                let found = match decoded {
+                    Some(Ok(found)) => Some(found),
+                    Some(Err(ColourError::NoReference)) | None => colour.carry_over(volume).unwrap().cloned(),
+                    Some(Err(error)) => panic!("{name} without {lost}, frame {number}: {error}"),
+                };
+                let (Some(found), Some(whole)) = (found, whole) else { continue };
+                for block in 0..whole.shape.depths().len() {
+                    let is_equal = block_samples(&found, block) == block_samples(whole, block);
+                    let is_exact = colour.exact().contains(block);
+                    assert!(is_equal || !is_exact, "{name} without {lost}, frame {number}, block {block}");
+                    exact_blocks += usize::from(is_exact && !colour.is_exact());
+                    wrong_blocks += usize::from(!is_equal);
+                }
+            }
+        }
+    }
+    assert!(exact_blocks > 200 && wrong_blocks > 200, "{exact_blocks} {wrong_blocks}");
 }
 
 /// The exact blocks of a volume without their masks, which are exact only if the volume is as a whole.

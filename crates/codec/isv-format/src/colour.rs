@@ -23,6 +23,13 @@ impl ColourKind {
     pub fn predicts(self) -> bool {
         self != Self::Intra
     }
+
+    /// Whether intra blocks are predicted from one another alone (constrained intra prediction). Then nothing of the frame before
+    /// reaches them.
+    #[must_use]
+    pub fn constrains_intra(self) -> bool {
+        self == Self::Resilient
+    }
 }
 
 /// The fields at the head of a colour part.

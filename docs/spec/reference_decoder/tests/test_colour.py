@@ -8,10 +8,12 @@ import unittest
 import numpy as np
 from common import CONFORMANCE, DOCUMENT, frame_packet, load_command, packets_of, with_checksum_of_packet
 
+import colour
 import colour_cells
 import colour_symbols
 import colour_temporal
 import colour_transform
+import container
 from container import parse_colour
 from conventions import CUBE
 from refusal import Refused
@@ -151,12 +153,12 @@ class Streams(unittest.TestCase):
             self.assertEqual(outcome(STREAMS[name]), (expected, None))
 
     def test_a_wrong_hash_is_damage(self):
-        xxh64 = colour_hash_module().xxh64
+        xxh64 = colour.xxh64
         try:
-            colour_hash_module().xxh64 = lambda data: 0
+            colour.xxh64 = lambda data: 0
             self.assertEqual(outcome(STREAMS["colour_one_layer.isv"]), ([], "damaged"))
         finally:
-            colour_hash_module().xxh64 = xxh64
+            colour.xxh64 = xxh64
 
     def test_mutated_parts_give_a_class(self):
         numbers = random.Random(5)
@@ -181,18 +183,35 @@ class Streams(unittest.TestCase):
         words, _ = outcome(STREAMS[stream][:48] + b"".join(kept), after_loss=True)
         self.assertEqual([word or "-" for word in words], expected)
 
+    def test_blocks_that_are_said_to_be_exact_are(self):
+        stream = STREAMS["colour_refreshed_noise.isv"]
+        reader = container.Reader(io.BytesIO(stream))
+        header = container.read_stream_header(reader)
+        packets = list(container.read_frame_packets(reader, header))
+        volumes = [volume for volume, _ in command.decode_stream(io.BytesIO(stream))]
+        exact = wrong = 0
+        for lost in (0, 1, 3):
+            whole, damaged = (colour.ColourDecoder(header.colour_layers) for _ in range(2))
+            for number, (packet, volume) in enumerate(zip(packets, volumes)):
+                part = container.parse_frame(header, packet).colour
+                whole.decode(packet, volume, part, True)
+                if number == lost:
+                    damaged.lose()
+                    continue
+                damaged.decode(packet, volume, part, True)
+                for b, block in (damaged.reference or {}).items():
+                    equal = block.samples == whole.reference[b].samples
+                    self.assertTrue(equal or not (damaged.known and block.exact), f"without {lost}, frame {number}, block {b}")
+                    exact += damaged.known and block.exact and block.vector is not None
+                    wrong += not equal
+        self.assertTrue(exact > 20 and wrong > 4, f"{exact} {wrong}")
+
     def test_a_keyframe_without_colour_ends_that_of_its_predecessors(self):
         stream = STREAMS["colour_keyframes.isv"]
         words, _ = outcome(stream)
         self.assertEqual(words[2:4], ["-", "-"])
         empty = frame_packet(bytes([0, 0, 1, 1, 0, 0, 0, 0, 0]), True, 0)
         self.assertEqual(outcome(stream[: packets_of(stream)[0][1]] + empty), ([words[0], "-"], None))
-
-
-def colour_hash_module():
-    import colour
-
-    return colour
 
 
 if __name__ == "__main__":

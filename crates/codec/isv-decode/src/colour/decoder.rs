@@ -1,6 +1,7 @@
 //! The colour of a stream's frames, one after the other.
 
 use super::cells::ColourCells;
+use super::exactness::ExactColour;
 use super::frame::{ColourFrame, ColourShape};
 use super::reconstruct::{ColourSteps, reconstruct};
 use super::reference::ColourReference;
@@ -75,8 +76,8 @@ pub struct ColourDecoder {
     reference: Option<ColourReference>,
     /// Whether the models are those that the next frame was coded with.
     is_synchronous: bool,
-    /// Whether the samples of the reference, or that there is none, are as the encoder has it.
-    is_exact: bool,
+    /// What of the reference, or that there is none, is as the encoder has it.
+    exact: ExactColour,
     /// Whether the next frame is a keyframe.
     at_keyframe: bool,
 }
@@ -90,7 +91,7 @@ impl ColourDecoder {
             entropy: ColourSlices::default(),
             reference: None,
             is_synchronous: false,
-            is_exact: false,
+            exact: ExactColour::Nothing,
             at_keyframe: false,
         }
     }
@@ -104,22 +105,28 @@ impl ColourDecoder {
     /// Whether the last frame has the samples that a decoder without loss has.
     #[must_use]
     pub fn is_exact(&self) -> bool {
-        self.is_exact
+        self.exact.is_whole()
+    }
+
+    /// What of the last frame is as a decoder without loss has it.
+    #[must_use]
+    pub fn exact(&self) -> &ExactColour {
+        &self.exact
     }
 
     /// Tells that a frame was lost. Decoding goes on at the next intra or resilient frame.
     pub fn lose(&mut self) {
-        (self.is_synchronous, self.is_exact) = (false, false);
+        (self.is_synchronous, self.exact) = (false, ExactColour::Nothing);
     }
 
     /// Tells that the next frame is a keyframe: what comes before it has no say, so that decoding can begin there.
     pub fn begin_group(&mut self) {
         (self.reference, self.is_synchronous) = (None, false);
-        (self.is_exact, self.at_keyframe) = (true, true);
+        (self.exact, self.at_keyframe) = (ExactColour::Whole, true);
     }
 
     /// Decodes a colour part. `volume`: the frame's decoded field. `at`: where the part begins in the stream. `is_exact`: whether the
-    /// field is known to be the encoder's: on another one the symbols are others. A hash is compared if the samples have to be the
+    /// field is known to be the encoder's: on another one the symbols are others. A hash is compared if all samples have to be the
     /// encoder's too.
     ///
     /// # Errors
@@ -133,7 +140,7 @@ impl ColourDecoder {
     ) -> Result<&Arc<ColourFrame>, ColourError> {
         let was_synchronous = std::mem::take(&mut self.is_synchronous);
         let (was_exact, at_keyframe) =
-            (std::mem::take(&mut self.is_exact), std::mem::take(&mut self.at_keyframe));
+            (std::mem::take(&mut self.exact), std::mem::take(&mut self.at_keyframe));
         let payload = ColourPayload::parse(bytes, at, self.layers)?;
         let kind = payload.header.kind;
         if at_keyframe && kind != ColourKind::Intra {
@@ -144,21 +151,23 @@ impl ColourDecoder {
         }
         // A frame that can be read without the one before may still be predicted from it; where that is lost, from nothing.
         let reference = self.reference.take().unwrap_or_default();
-        let reference = kind.predicts().then_some(reference);
         if kind != ColourKind::Predicted {
             self.entropy = ColourSlices::default();
         }
         let cells = ColourCells::new(volume);
-        let known = reference.as_ref().filter(|_| kind == ColourKind::Predicted);
+        let known = (kind == ColourKind::Predicted).then_some(&reference);
         let (symbols, shape) = read_symbols(&mut self.entropy, &payload, cells, volume, known, self.layers)?;
         let steps = steps(&payload.header);
-        let before = reference.as_ref().map(|reference| &*reference.frame);
-        let frame = reconstruct(shape, &symbols, &steps, before);
-        self.is_exact = is_exact && (was_exact || symbols.modes.iter().all(|mode| mode.vector().is_none()));
-        if let Some(stated) = payload.header.hash.filter(|_| self.is_exact) {
+        let before = &*reference.frame;
+        let frame = reconstruct(kind, shape, &symbols, &steps, before);
+        self.exact = match is_exact {
+            true => ExactColour::of_frame(kind, &frame.shape, &symbols.modes, (before, &was_exact)),
+            false => ExactColour::Nothing,
+        };
+        if let Some(stated) = payload.header.hash.filter(|_| self.exact.is_whole()) {
             let found = frame.hash();
             if found != stated {
-                self.is_exact = false;
+                self.exact = ExactColour::Nothing;
                 return Err(ColourError::HashMismatch { stated, found });
             }
         }
@@ -166,16 +175,19 @@ impl ColourDecoder {
         Ok(&self.reference.insert(ColourReference::new(Arc::new(frame), &symbols)).frame)
     }
 
-    /// Keeps the colour of the frame before, for a frame without a colour part; `None` if that has none.
+    /// Keeps the colour of the frame before, for a frame without a colour part; `None` if that has none. `volume`: the frame's decoded
+    /// field; if that is not the encoder's, [`Self::lose`] has to be called first.
     ///
     /// # Errors
     /// More samples than a frame may have.
     pub fn carry_over(&mut self, volume: &SparseVolume) -> Result<Option<&Arc<ColourFrame>>, ColourError> {
         self.at_keyframe = false;
         let Some(reference) = self.reference.take() else { return Ok(None) };
-        let was = (std::mem::take(&mut self.is_synchronous), std::mem::take(&mut self.is_exact));
+        let (was_synchronous, was_exact) =
+            (std::mem::take(&mut self.is_synchronous), std::mem::take(&mut self.exact));
         let carried = reference.carried_over(volume)?;
-        (self.is_synchronous, self.is_exact) = was;
+        self.is_synchronous = was_synchronous;
+        self.exact = was_exact.carried_over(&reference.frame, &carried.frame);
         Ok(Some(&self.reference.insert(carried).frame))
     }
 }

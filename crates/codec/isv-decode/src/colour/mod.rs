@@ -17,6 +17,7 @@
 //! - [`upsampling`]: prediction of children from the parents around them, within a frame.
 //! - [`syntax`]: entropy-coded symbols; `isv-encode` has the writing side under the same names.
 //! - [`reconstruct`]: symbols to samples, called by both sides.
+//! - [`ExactColour`]: which blocks are right after a loss.
 //! - [`ycbcr`]: samples to sRGB.
 //!
 //! All arithmetic is integers. Positions and distances count 1/256 of a voxel, as codes of the field do; samples count 1/64 of
@@ -26,6 +27,7 @@ pub mod cells;
 pub mod compensation;
 mod crossing;
 mod decoder;
+mod exactness;
 pub mod frame;
 pub mod morton;
 mod reader;
@@ -43,6 +45,7 @@ pub mod ycbcr;
 
 pub use cells::ColourCells;
 pub use decoder::{ColourDecoder, ColourError, steps};
+pub use exactness::{ExactColour, ExactReader, ExactSource};
 pub use frame::{ColourFrame, ColourShape, Sample};
 pub use reader::Reader;
 pub use reference::ColourReference;

@@ -10,8 +10,9 @@ use super::transform::{
 use super::tree::{BlockTree, TreeLevel, UPPER_LEVELS};
 use super::upsampling::{LevelMeans, ParentWindow, predict_root};
 use crate::main::BlockMode;
+use isv_format::ColourKind;
 use isv_kernels::simd::vectorized;
-use isv_volume::NeighbourFinder;
+use isv_volume::{NeighbourFinder, Neighbourhood};
 use rayon::prelude::*;
 
 /// Blocks that a thread works on at a time.
@@ -209,20 +210,22 @@ fn mean_of(samples: &[Sample; 8], mut weight: impl FnMut(&Sample) -> i32) -> Sam
     if all == 0 { [0; 4] } else { clamped(sums.map(|sum| rounded(sum, all))) }
 }
 
-/// Decodes a frame from its symbols. `shape` has the depths of these. Without a frame `before`, all blocks are intra.
+/// Decodes a frame from its symbols. `shape` has the depths of these. `before`: the frame before, which frames of kind
+/// [`ColourKind::Intra`] do not look at.
 #[must_use]
 pub fn reconstruct(
+    kind: ColourKind,
     shape: ColourShape,
     symbols: &ColourSymbols,
     steps: &ColourSteps,
-    before: Option<&ColourFrame>,
+    before: &ColourFrame,
 ) -> ColourFrame {
     let mut layers = shape.layers();
-    if let Some(before) = before {
+    if kind.predicts() {
         reconstruct_inter(&shape, &mut layers, &symbols.modes, steps, before, &ReadLevels(symbols));
     }
     if symbols.modes.contains(&BlockMode::Spatial) {
-        reconstruct_intra(&shape, &mut layers, &symbols.modes, steps, &mut ReadLevels(symbols));
+        reconstruct_intra(kind, &shape, &mut layers, &symbols.modes, steps, &mut ReadLevels(symbols));
     }
     ColourFrame { shape, layers }
 }
@@ -398,7 +401,9 @@ impl<'a> IntraLevels for ReadLevels<'a> {
 }
 
 /// Writes the samples of all blocks that are predicted from blocks of the same frame: level by level, from the blocks' means down.
+/// `kind`: of the frame, which tells whether inter blocks are among these.
 pub fn reconstruct_intra<L: IntraLevels>(
+    kind: ColourKind,
     shape: &ColourShape,
     layers: &mut [Vec<Sample>; 3],
     modes: &[BlockMode],
@@ -406,12 +411,13 @@ pub fn reconstruct_intra<L: IntraLevels>(
     source: &mut L,
 ) {
     let intra: Vec<usize> = (0..modes.len()).filter(|b| modes[*b] == BlockMode::Spatial).collect();
-    let mut upper = upper_means(shape, &layers[0], modes, &intra);
-    put_roots(shape, &mut upper[0], modes, steps, source);
+    let sources = IntraSources { modes, constrained: kind.constrains_intra() };
+    let mut upper = upper_means(shape, &layers[0], &sources, &intra);
+    put_roots(shape, &mut upper[0], &sources, steps, source);
     let deepest = shape.depths().iter().max().copied().unwrap_or(0);
     for layer in 0..=deepest {
         for level in BlockTree::layer_levels(layer) {
-            let below = predict_level(shape, &upper, layers, steps, (layer, level), &intra, source);
+            let below = predict_level(shape, &upper, layers, steps, (layer, level), &intra, &sources, source);
             let out = if level + 1 < UPPER_LEVELS {
                 &mut upper[level + 1]
             } else {
@@ -427,8 +433,32 @@ pub fn reconstruct_intra<L: IntraLevels>(
     }
 }
 
-/// The means above the cells of the inter blocks around intra blocks; zeros for all others.
-fn upper_means(shape: &ColourShape, cells: &[Sample], modes: &[BlockMode], intra: &[usize]) -> UpperMeans {
+/// The blocks that intra blocks are predicted from.
+#[derive(Clone, Copy, Debug)]
+struct IntraSources<'a> {
+    modes: &'a [BlockMode],
+    /// Whether inter blocks are left out.
+    constrained: bool,
+}
+
+impl IntraSources<'_> {
+    fn is_intra(&self, block: usize) -> bool {
+        self.modes[block] == BlockMode::Spatial
+    }
+
+    /// Whether a block counts.
+    fn contains(&self, block: usize) -> bool {
+        !self.constrained || self.is_intra(block)
+    }
+
+    /// The blocks around the one that a finder is turned to, of those that count.
+    fn around(&self, finder: &NeighbourFinder) -> Neighbourhood {
+        finder.neighbourhood().map(|block| block.filter(|block| self.contains(*block as usize)))
+    }
+}
+
+/// The means above the cells of the inter blocks around intra blocks, if they count; zeros for all others.
+fn upper_means(shape: &ColourShape, cells: &[Sample], sources: &IntraSources, intra: &[usize]) -> UpperMeans {
     let count = shape.depths().len();
     let mut upper = [1, 8, 64].map(|nodes| vec![[0; 4]; nodes * count]);
     let mut tree = BlockTree::default();
@@ -436,9 +466,9 @@ fn upper_means(shape: &ColourShape, cells: &[Sample], modes: &[BlockMode], intra
     let mut finder = NeighbourFinder::new(shape.cells().index());
     for block in intra {
         finder.turn_to(shape.cells().coords()[*block]);
-        finder.neighbourhood().into_iter().flatten().for_each(|near| is_needed[near as usize] = true);
+        sources.around(&finder).into_iter().flatten().for_each(|near| is_needed[near as usize] = true);
     }
-    for block in (0..count).filter(|block| is_needed[*block] && modes[*block] != BlockMode::Spatial) {
+    for block in (0..count).filter(|block| is_needed[*block] && !sources.is_intra(*block)) {
         shape.build_tree_to(block, UPPER_LEVELS, &mut tree);
         let mut values: Vec<Sample> = cells[shape.block_samples(block, 0)].to_vec();
         for level in (0..UPPER_LEVELS).rev() {
@@ -467,36 +497,36 @@ fn weighted_mean(samples: &[Sample], weights: &[u32]) -> Sample {
     clamped(sums.map(|sum| (sum + all / 2).div_euclid(all) as i32))
 }
 
-/// Writes the means of intra blocks, one after the other: each is predicted from those that precede it and from inter blocks.
+/// Writes the means of intra blocks, one after the other: each is predicted from those that precede it and from inter blocks, if they
+/// count.
 fn put_roots<L: IntraLevels>(
     shape: &ColourShape,
     roots: &mut [Sample],
-    modes: &[BlockMode],
+    sources: &IntraSources,
     steps: &ColourSteps,
     source: &mut L,
 ) {
     let mut finder = NeighbourFinder::new(shape.cells().index());
     let mut tree = BlockTree::default();
-    for block in (0..roots.len()).filter(|block| modes[*block] == BlockMode::Spatial) {
+    for block in (0..roots.len()).filter(|block| sources.is_intra(*block)) {
         finder.turn_to(shape.cells().coords()[block]);
         shape.build_tree_to(block, UPPER_LEVELS, &mut tree);
-        let predicted = predicted_root(&finder, block, modes, |block| roots[block]);
+        let predicted = predicted_root(&finder, block, sources, |block| roots[block]);
         let weight = tree.levels()[0].weights[0];
         let change = mean_change(weight, source.root(block, weight, predicted), steps);
         roots[block] = clamped([0, 1, 2].map(|c| predicted[c] + change[c]));
     }
 }
 
-/// The prediction of an intra block's mean, from blocks that precede it and from inter blocks.
-#[must_use]
-pub fn predicted_root(
+/// The prediction of an intra block's mean, from blocks that precede it and from inter blocks, if they count.
+fn predicted_root(
     finder: &NeighbourFinder,
     block: usize,
-    modes: &[BlockMode],
+    sources: &IntraSources,
     root: impl Fn(usize) -> Sample,
 ) -> [i32; 3] {
-    let known = |other: usize| other < block || modes[other] != BlockMode::Spatial;
-    let around = finder.neighbourhood().into_iter().enumerate();
+    let known = |other: usize| other < block || !sources.is_intra(other);
+    let around = sources.around(finder).into_iter().enumerate();
     predict_root(around.filter_map(|(slot, other)| {
         let other = other? as usize;
         (slot != 13 && known(other)).then(|| (slot, root(other)))
@@ -513,6 +543,7 @@ struct LevelBlock<S> {
 }
 
 /// The means of the children of all nodes of a level in intra blocks.
+#[expect(clippy::too_many_arguments, reason = "what is known above the level, and who chooses what is added")]
 fn predict_level<L: IntraLevels>(
     shape: &ColourShape,
     upper: &UpperMeans,
@@ -520,6 +551,7 @@ fn predict_level<L: IntraLevels>(
     steps: &ColourSteps,
     (layer, level): (u8, usize),
     intra: &[usize],
+    sources: &IntraSources,
     source: &L,
 ) -> Vec<LevelBlock<L::Block>> {
     let level_means = LevelMeans {
@@ -538,7 +570,7 @@ fn predict_level<L: IntraLevels>(
         let (mut worker, mut out, mut predicted) = (source.worker(), Vec::new(), Vec::new());
         for block in chunk.iter().copied().filter(|block| layer <= shape.depths()[*block]) {
             finder.turn_to(shape.cells().coords()[block]);
-            window.gather(&level_means, &finder.neighbourhood());
+            window.gather(&level_means, &sources.around(&finder));
             shape.build_tree_to(block, level + 1, &mut tree);
             let mut state = source.begin(block, &tree, layer, level);
             let [nodes, below] = [0, 1].map(|step| &tree.levels()[level + step]);

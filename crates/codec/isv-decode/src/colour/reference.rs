@@ -7,9 +7,13 @@ use super::reconstruct::{ColourSteps, reconstruct};
 use super::symbols::ColourSymbols;
 use super::syntax::modes::BlockBefore;
 use crate::main::{BlockMode, Vector};
+use isv_format::ColourKind;
 use isv_volume::{BlockCoord, SparseVolume};
 use rayon::prelude::*;
 use std::sync::Arc;
+
+/// The mode of all blocks of a frame that is carried over.
+pub(super) const CARRIED_OVER: BlockMode = BlockMode::Merged { candidate: 0, vector: Vector::ZERO };
 
 /// A decoded frame, and how its blocks were coded.
 #[derive(Clone, Debug, Default)]
@@ -39,15 +43,15 @@ impl ColourReference {
     pub fn carried_over(&self, volume: &SparseVolume) -> Result<Self, ColourError> {
         let cells = ColourCells::new(volume);
         let before = self.blocks_at(cells.coords());
-        let still = BlockMode::Merged { candidate: 0, vector: Vector::ZERO };
         let symbols = ColourSymbols {
-            modes: vec![still; before.len()],
+            modes: vec![CARRIED_OVER; before.len()],
             depths: before.iter().map(|block| block.map_or(0, |block| block.depth)).collect(),
             layers: Default::default(),
         };
         check_samples(&cells, &symbols.depths)?;
         let shape = ColourShape::new(cells, symbols.depths.clone(), volume);
-        let frame = reconstruct(shape, &symbols, &ColourSteps::FINEST, Some(&self.frame));
+        let kind = ColourKind::Predicted;
+        let frame = reconstruct(kind, shape, &symbols, &ColourSteps::FINEST, &self.frame);
         Ok(Self::new(Arc::new(frame), &symbols))
     }
 

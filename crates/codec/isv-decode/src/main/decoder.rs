@@ -2,7 +2,7 @@
 
 use super::recovery::{Gap, Recovery};
 use crate::backend::{Backend, MainFrame};
-use crate::colour::{ColourDecoder, ColourError, ColourFrame};
+use crate::colour::{ColourDecoder, ColourError, ColourFrame, ExactColour};
 use crate::decoder::failure::Failure;
 use crate::decoder::sequence::Sequence;
 use crate::decoder::{FrameFacts, Limits};
@@ -70,6 +70,11 @@ impl<B: Backend> MainDecoder<B> {
     /// See [`crate::Decoder::is_colour_exact`].
     pub(crate) fn is_colour_exact(&self) -> bool {
         self.colour.as_ref().is_some_and(ColourDecoder::is_exact)
+    }
+
+    /// See [`crate::Decoder::exact_colour`].
+    pub(crate) fn exact_colour(&self) -> Option<&ExactColour> {
+        self.colour.as_ref().map(ColourDecoder::exact)
     }
 
     /// See [`crate::Decoder::recover`].

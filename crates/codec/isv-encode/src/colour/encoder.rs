@@ -2,6 +2,7 @@
 
 use super::motion_search::{ColourSearch, MotionSearch};
 use super::quantizer::{Quantizer, SAMPLE_SCALE, Trade, level_means, push, values_by_slot};
+use super::refresh::Refreshed;
 use super::syntax;
 use super::target::ColourTarget;
 use crate::colour::syntax::coefficients::node_energy;
@@ -17,7 +18,7 @@ use isv_decode::colour::syntax::coefficients::{
 use isv_decode::colour::syntax::modes::{BlockBefore, ModeBlocks};
 use isv_decode::colour::transform::DIFFERENCES;
 use isv_decode::colour::tree::BlockTree;
-use isv_decode::colour::{ColourCells, ColourFrame, ColourReference, ColourShape, Sample};
+use isv_decode::colour::{ColourCells, ColourFrame, ColourReference, ColourShape, ExactColour, Sample};
 use isv_decode::main::{BlockMode, CausalBlocks, Vector};
 use isv_format::{ColourHeader, ColourKind, ColourPayload, PayloadParts, SliceLayout};
 use isv_volume::{ColourSample, SparseVolume};
@@ -35,7 +36,7 @@ const ROUNDING: f32 = 0.36;
 pub struct ColourSettings {
     /// Layers of samples, 1 to 3: at voxels, half voxels, quarter voxels.
     pub layers: u8,
-    /// Quantizer step of luma in keyframes, in 8-bit steps.
+    /// Quantizer step of luma in keyframes, and in frames that can be read without the one before, in 8-bit steps.
     pub key_step: f32,
     /// Quantizer step of luma in predicted frames, in 8-bit steps.
     pub step: f32,
@@ -53,7 +54,7 @@ pub struct ColourSettings {
     pub spacing: f32,
     /// Number of slices, 1 to 256.
     pub slices: u16,
-    /// Frames until all is coded anew, in streams without keyframes whose frames can each be read without the one before; `None` in others.
+    /// Frames of a cycle of refresh, in which all blocks are made exact again; `None` in streams that have keyframes for this.
     pub cycle: Option<u32>,
     /// Whether frames carry a hash of the decoded samples.
     pub checksums: bool,
@@ -119,8 +120,10 @@ pub struct ColourEncoder {
     reference: Option<ColourReference>,
     /// Models as they were after the last frame without prediction, and after the last one with it: what levels cost, about.
     learned: [CoefficientModels; 2],
-    /// Frames since the last one without prediction and with it; 0 before the first.
-    since_intra: u32,
+    /// Frames of the cycle of refresh so far, and the intra frame before it; 0 before the first frame.
+    in_cycle: u32,
+    /// What of the last frame is exact in a decoder that had nothing when the cycle began.
+    exact: ExactColour,
 }
 
 impl ColourEncoder {
@@ -128,7 +131,8 @@ impl ColourEncoder {
     #[must_use]
     pub fn new(settings: ColourSettings) -> Self {
         let learned = [0; 2].map(|_| CoefficientModels::default());
-        Self { settings, entropy: ColourSlices::default(), reference: None, learned, since_intra: 0 }
+        let (entropy, exact) = (ColourSlices::default(), ExactColour::Nothing);
+        Self { settings, entropy, reference: None, learned, in_cycle: 0, exact }
     }
 
     /// The last frame as decoders have it; `None` before the first.
@@ -148,7 +152,7 @@ impl ColourEncoder {
     }
 
     /// Codes the colour of a frame. `volume`: its decoded field; `samples`: colours as seen. Without any, the colour of the frame before
-    /// stays. `rate`: what chooses its steps.
+    /// stays; where it is refreshed, it is coded as if it had been seen. `rate`: what chooses its steps.
     pub fn encode_at_rate(
         &mut self,
         volume: &SparseVolume,
@@ -160,6 +164,14 @@ impl ColourEncoder {
         let scale = rate.first_scale(!kind.predicts());
         let cells = ColourCells::new(volume);
         let reference = self.reference.take().filter(|_| kind.predicts());
+        let kept;
+        let samples = match &reference {
+            Some(before) if samples.is_empty() && kind == ColourKind::Resilient => {
+                kept = before.frame.to_samples(volume.grid());
+                &kept
+            }
+            _ => samples,
+        };
         let shape = self.choose_shape(cells, volume, samples, reference.as_ref(), scale);
         if kind != ColourKind::Predicted {
             self.entropy = ColourSlices::default();
@@ -177,25 +189,33 @@ impl ColourEncoder {
             causal: &causal,
             known: &known,
             ranges: layout.ranges().collect(),
-            predicts: kind.predicts(),
+            kind,
             max_depth: self.settings.layers - 1,
         };
-        let (coded, encoded) = match reference.as_ref().filter(|_| samples.is_empty()) {
-            Some(before) => {
-                let coded = self.carry_over(&frame, &before.frame, self.steps(kind, scale));
-                let encoded = self.encoded(kind, &coded);
-                rate.spend(encoded.stream_bits());
-                (coded, encoded)
-            }
-            None => {
-                let target = ColourTarget::new(&shape, volume.grid(), samples, self.settings.rounds);
-                let wanted = target.by_block(&shape);
-                self.code_at_rate(&frame, &wanted, reference.as_ref(), (kind, scale), &mut rate)
-            }
+        self.in_cycle = match self.settings.cycle {
+            Some(cycle) if kind.predicts() => self.in_cycle % cycle.max(1) + 1,
+            _ => 0,
         };
+        let (coded, encoded) =
+            match reference.as_ref().filter(|_| samples.is_empty() && kind != ColourKind::Resilient) {
+                Some(before) => {
+                    let coded = self.carry_over(&frame, &before.frame, self.steps(kind, scale));
+                    let encoded = self.encoded(kind, &coded);
+                    rate.spend(encoded.stream_bits());
+                    (coded, encoded)
+                }
+                None => {
+                    let target = ColourTarget::new(&shape, volume.grid(), samples, self.settings.rounds);
+                    let wanted = target.by_block(&shape);
+                    self.code_at_rate(&frame, &wanted, reference.as_ref(), (kind, scale), &mut rate)
+                }
+            };
+        if let (Some(before), Some(_)) = (&reference, self.settings.cycle) {
+            let (before, modes) = ((&*before.frame, self.exact_before()), &coded.symbols.modes);
+            self.exact = ExactColour::of_frame(kind, &coded.frame.shape, modes, before);
+        }
         self.entropy = coded.entropy;
         self.reference = Some(ColourReference::new(Arc::new(coded.frame), &coded.symbols));
-        self.since_intra = if kind.predicts() { self.since_intra + 1 } else { 1 };
         encoded
     }
 
@@ -209,7 +229,10 @@ impl ColourEncoder {
         rate: &mut ColourRate,
     ) -> (CodedColour, EncodedColour) {
         let modes = match reference {
-            Some(reference) => self.choose_modes(frame, wanted, reference, self.step(kind, scale)),
+            Some(reference) => {
+                let refreshed = self.refreshed(frame, &reference.frame);
+                self.choose_modes(frame, wanted, reference, self.step(kind, scale), refreshed.as_ref())
+            }
             None => vec![BlockMode::Spatial; wanted.len()],
         };
         let before = reference.map(|reference| &*reference.frame);
@@ -255,7 +278,11 @@ impl ColourEncoder {
 
     /// The steps of a frame as they are coded.
     fn steps(&self, kind: ColourKind, scale: f64) -> ColourSteps {
-        let step = self.step(kind, scale);
+        // Blocks that are coded anew in a resilient frame are to be as good as those of an intra frame.
+        let step = match kind {
+            ColourKind::Intra | ColourKind::Resilient => self.step(ColourKind::Intra, scale),
+            ColourKind::Predicted => self.step(ColourKind::Predicted, scale),
+        };
         let in_sixteenths = |step: f32| (step * 16.0).round().clamp(1.0, 65535.0) as u32;
         ColourSteps { luma: in_sixteenths(step), chroma: in_sixteenths(step * self.settings.chroma) }
     }
@@ -299,10 +326,20 @@ impl ColourEncoder {
     fn kind(&self, keyframe: bool) -> ColourKind {
         match self.settings.cycle {
             _ if keyframe || self.reference.is_none() => ColourKind::Intra,
-            Some(cycle) if self.since_intra >= cycle => ColourKind::Intra,
             Some(_) => ColourKind::Resilient,
             None => ColourKind::Predicted,
         }
+    }
+
+    /// What of the frame before is exact in a decoder that had nothing when the cycle of the frame began.
+    fn exact_before(&self) -> &ExactColour {
+        if self.in_cycle > 1 { &self.exact } else { &ExactColour::Nothing }
+    }
+
+    /// The blocks of a frame that must be exact after it, if it is part of a cycle.
+    fn refreshed(&self, frame: &FrameBlocks, before: &ColourFrame) -> Option<Refreshed> {
+        let cycle = self.settings.cycle?;
+        Some(Refreshed::new((self.in_cycle - 1, cycle), frame.known.len(), (before, self.exact_before())))
     }
 
     /// A frame that is the one before, where its surface now is.
@@ -336,19 +373,28 @@ impl ColourEncoder {
         before: Option<&ColourFrame>,
         steps: ColourSteps,
     ) -> CodedColour {
-        let kind = usize::from(frame.predicts);
-        let attempts = if frame.predicts { 1..2 } else { 0..2 };
+        let learned = usize::from(frame.kind.predicts());
+        let attempts = if frame.kind.predicts() { 1..2 } else { 0..2 };
         let mut coded = None;
         for attempt in attempts {
             let trade = Trade { lambda: self.settings.lambda, rounding: ROUNDING, search: attempt > 0 };
-            let quantizer = Quantizer { models: self.learned[kind].clone(), steps, trade };
-            let (symbols, decoded) = code(frame.shape, wanted, modes, before, &quantizer);
+            let quantizer = Quantizer { models: self.learned[learned].clone(), steps, trade };
+            let temporal = Quantizer { trade: self.temporal_trade(frame.kind, trade), ..quantizer.clone() };
+            let (symbols, decoded) = code(frame, wanted, modes, before, [&quantizer, &temporal]);
             let mut entropy = self.entropy.clone();
             let segments = write(&mut entropy, frame, &symbols);
-            self.learned[kind] = entropy.slices(1)[0].coefficients.clone();
+            self.learned[learned] = entropy.slices(1)[0].coefficients.clone();
             coded = Some(CodedColour { symbols, frame: decoded, entropy, segments, steps });
         }
         coded.expect("there is an attempt")
+    }
+
+    /// How the levels of temporal blocks are chosen. Resilient frames have the small steps of intra ones. A bit still saves as much
+    /// squared error as in other predicted frames.
+    fn temporal_trade(&self, kind: ColourKind, trade: Trade) -> Trade {
+        let ColourSettings { key_step, step, .. } = self.settings;
+        let larger = if kind == ColourKind::Resilient { step / key_step } else { 1.0 };
+        Trade { lambda: larger * larger * trade.lambda, ..trade }
     }
 
     /// How each block is predicted.
@@ -358,6 +404,7 @@ impl ColourEncoder {
         wanted: &[&[[f32; 3]]],
         reference: &ColourReference,
         step: f32,
+        refreshed: Option<&Refreshed>,
     ) -> Vec<BlockMode> {
         let (shape, search) = (frame.shape, self.settings.search);
         let trade = (step, self.settings.lambda);
@@ -370,18 +417,26 @@ impl ColourEncoder {
         let spreads: Vec<f32> = wanted.par_iter().map(|values| spread(values)).collect();
         let mut models = self.entropy.clone();
         let mut chooser = motion.chooser(tried);
+        let mut allowed = refreshed.map(|refreshed| refreshed.allowed(shape));
         let mut modes: Vec<BlockMode> = Vec::with_capacity(vectors.len());
         for (slice, range) in frame.ranges.iter().enumerate() {
             let models = &mut models.slices(slice + 1)[slice].modes.modes;
             for block in range.clone() {
                 let context = syntax::modes::context(&frame.mode_blocks(slice), block, &modes);
                 let most = 0.8 * spreads[block] + 0.5 * step * step / 12.0;
-                let mode = chooser.choose(block, vectors[block], &context, models, most);
+                let allows = |vector| allowed.as_mut().is_none_or(|allowed| allowed.contain(block, vector));
+                let mode = chooser.choose(block, vectors[block], &context, models, most, allows);
                 syntax::modes::learn(models, &context, mode);
                 modes.push(mode);
             }
         }
-        modes
+        match refreshed {
+            None => modes,
+            Some(refreshed) => {
+                refreshed.settle(shape, &mut modes);
+                frame.coded_anew(&modes)
+            }
+        }
     }
 }
 
@@ -394,7 +449,7 @@ struct FrameBlocks<'a> {
     known: &'a [Option<BlockBefore>],
     /// Blocks of each slice.
     ranges: Vec<Range<usize>>,
-    predicts: bool,
+    kind: ColourKind,
     max_depth: u8,
 }
 
@@ -402,7 +457,29 @@ impl FrameBlocks<'_> {
     /// The blocks of a slice, as the syntax of modes sees them.
     fn mode_blocks(&self, slice: usize) -> ModeBlocks<'_> {
         let (causal, before, range) = (self.causal, self.known, self.ranges[slice].clone());
-        ModeBlocks { range, causal, before, predicts: self.predicts, max_depth: self.max_depth }
+        ModeBlocks { range, causal, before, predicts: self.kind.predicts(), max_depth: self.max_depth }
+    }
+
+    /// The modes of blocks that keep their vectors after others have lost theirs, which cannot be merged with any more.
+    fn coded_anew(&self, modes: &[BlockMode]) -> Vec<BlockMode> {
+        let mut anew: Vec<BlockMode> = Vec::with_capacity(modes.len());
+        for (slice, range) in self.ranges.iter().enumerate() {
+            let blocks = self.mode_blocks(slice);
+            for block in range.clone() {
+                anew.push(match modes[block].vector() {
+                    None => BlockMode::Spatial,
+                    Some(vector) => {
+                        let context = syntax::modes::context(&blocks, block, &anew);
+                        let candidates = context.candidates.as_slice();
+                        match candidates.iter().position(|candidate| *candidate == vector) {
+                            Some(candidate) => BlockMode::Merged { candidate: candidate as u8, vector },
+                            None => BlockMode::New { vector },
+                        }
+                    }
+                });
+            }
+        }
+        anew
     }
 }
 
@@ -441,27 +518,27 @@ fn spread(values: &[[f32; 3]]) -> f32 {
         / count
 }
 
-/// Chooses the coefficients of a frame, and decodes it.
+/// Chooses the coefficients of a frame, and decodes it. The quantizers are those of spatial and of temporal blocks.
 fn code(
-    shape: &ColourShape,
+    FrameBlocks { kind, shape, .. }: &FrameBlocks,
     wanted: &[&[[f32; 3]]],
     modes: &[BlockMode],
     before: Option<&ColourFrame>,
-    quantizer: &Quantizer,
+    [quantizer, temporal]: [&Quantizer; 2],
 ) -> (ColourSymbols, ColourFrame) {
     let mut symbols =
         ColourSymbols { modes: modes.to_vec(), depths: shape.depths().to_vec(), layers: Default::default() };
     let mut coefficients: Vec<[Vec<Coefficient>; 3]> = modes.iter().map(|_| Default::default()).collect();
     let mut layers = shape.layers();
     if let Some(before) = before {
-        let chosen = ChosenResiduals::new(shape, wanted, quantizer);
+        let chosen = ChosenResiduals::new(shape, wanted, temporal);
         reconstruct_inter(shape, &mut layers, modes, &quantizer.steps, before, &chosen);
         coefficients =
             chosen.coefficients.into_iter().map(|own| own.into_inner().unwrap_or_default()).collect();
     }
     if modes.contains(&BlockMode::Spatial) {
         let mut chosen = ChosenLevels::new(shape, wanted, modes, quantizer.clone());
-        reconstruct_intra(shape, &mut layers, modes, &quantizer.steps, &mut chosen);
+        reconstruct_intra(*kind, shape, &mut layers, modes, &quantizer.steps, &mut chosen);
         for (block, own) in chosen.coefficients.into_iter().enumerate() {
             if modes[block] == BlockMode::Spatial {
                 coefficients[block] = own;
@@ -469,7 +546,7 @@ fn code(
         }
     }
     enter(&mut symbols, &coefficients);
-    (symbols, ColourFrame { shape: shape.clone(), layers })
+    (symbols, ColourFrame { shape: (*shape).clone(), layers })
 }
 
 /// Enters the coefficients of all blocks into a frame's symbols.

@@ -10,6 +10,7 @@ mod encoder;
 mod landing;
 mod motion_search;
 mod quantizer;
+mod refresh;
 mod syntax;
 mod target;
 

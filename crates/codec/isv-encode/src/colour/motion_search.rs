@@ -264,6 +264,7 @@ pub(crate) struct ModeChooser<'a> {
 
 impl ModeChooser<'_> {
     /// The mode of a block, given its best vector. `most`: mean squared error from which it is better predicted from its own frame.
+    /// `allows`: whether the block can have a vector.
     pub(crate) fn choose(
         &mut self,
         block: usize,
@@ -271,6 +272,7 @@ impl ModeChooser<'_> {
         context: &ModeContext,
         models: &mut ModeModels,
         most: f32,
+        mut allows: impl FnMut(Vector) -> bool,
     ) -> BlockMode {
         let search = self.search;
         self.reader.turn_to(search.shape.cells().coords()[block]);
@@ -281,7 +283,7 @@ impl ModeChooser<'_> {
             let most = best.0 - a_bit * bits;
             let error = self.tried[block].error(search, &mut self.reader, block, vector, most);
             let cost = error + a_bit * bits;
-            if cost < best.0 {
+            if cost < best.0 && allows(vector) {
                 best = (cost, error, mode);
             }
         };
