@@ -525,7 +525,7 @@ impl Lattice {
     #[inline(always)]
     fn held_taps(&self, around: [&RegionCell; 8], normal: [i8; 3], depth: u8) -> ([LeafTap; 8], bool) {
         let (parts, slots) = self.parts_and_slots(depth);
-        let crossed = around.map(|cell| cell.parts(depth) & (cell.faces(normal) as u64).wrapping_neg());
+        let crossed = around.map(|cell| cell.parts(depth) & u64::from(cell.faces(normal)).wrapping_neg());
         let (mut taps, mut any) = ([LeafTap::default(); 8], 0);
         for corner in 0..8 {
             let [x, y, z] = Self::steps(corner);
@@ -574,7 +574,7 @@ fn read_held<const N: usize, const G: usize, const W: usize>(
     // All of a cell that faces the normal, or none.
     let kept = around.map(|cell| -i16::from(cell.faces(normal)));
     let part = |[x, y, z]: [usize; 3]| {
-        let slot = (z / N) << 2 | (y / N) << 1 | x / N;
+        let slot = (z / N) << 2 | (y / N) << 1 | (x / N);
         let sample = layer[around[slot].first as usize + N * (z % N * N + y % N) + x % N];
         sample.map(|value| value & kept[slot])
     };

@@ -242,7 +242,7 @@ mod tests {
             let frame =
                 frame(&mut random, |block| if mixed { depth * u8::from(block % 3 != 0) } else { depth });
             let (mut held, mut plain) = (Reader::new(&frame), Reader::new(&frame));
-            let (mut coloured, mut planes) = (0, 0);
+            let (mut coloured, mut planes, mut leaves) = (0, 0, 0);
             for round in 0..4000 {
                 let coords = frame.shape.cells().coords();
                 let coord = coords[round * 7 % coords.len()];
@@ -264,12 +264,19 @@ mod tests {
                 assert_eq!(with[..parts], without[..parts], "{depth} {mixed} {round}");
                 coloured += without[..parts].iter().filter(|sample: &&Sample| sample[3] != 0).count();
                 assert_eq!(held.read(corner, normal, depth), plain.read(corner, normal, depth), "{round}");
+                let [with, without] = [&mut held, &mut plain].map(|reader| {
+                    let taps = reader.leaf_taps(corner, normal, depth);
+                    let there = taps.iter().filter(|tap| tap.weight > 0);
+                    there.map(|tap| (tap.cell, tap.rank, tap.weight)).collect::<Vec<_>>()
+                });
+                assert_eq!(with, without, "{depth} {mixed} {round}");
+                leaves += with.len();
                 let voxel = corner.map(|c| c >> 8);
                 let plane = plain.plane(voxel);
                 assert_eq!(held.plane(voxel), plane);
                 planes += usize::from(plane.is_some());
             }
-            assert!(coloured > 300 && planes > 200, "{coloured} {planes}");
+            assert!(coloured > 300 && planes > 200 && leaves > 300, "{coloured} {planes} {leaves}");
         }
     }
 
