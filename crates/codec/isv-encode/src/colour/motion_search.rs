@@ -39,7 +39,7 @@ impl ColourSearch {
     /// Search for quality.
     pub const FULL: Self = Self { cells: usize::MAX, steps: &[12, 6, 6, 3, 3, 2, 1, 1], enough: 0.0 };
     /// Search in little time.
-    pub const QUICK: Self = Self { cells: 12, steps: &[4, 1], enough: 0.02 };
+    pub const QUICK: Self = Self { cells: 16, steps: &[4, 1], enough: 0.04 };
 }
 
 /// A cell to be predicted.
