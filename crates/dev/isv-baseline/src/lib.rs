@@ -45,7 +45,7 @@ pub use moments::{BlockMoments, TrainingError};
 pub use program::{ProgramError, ProgramRun};
 pub use simplify::{SimplifyError, simplify, simplify_textured};
 pub use tang::{TangDecoder, TangEncoder, TangError, TangFrame, TangSettings};
-pub use texture_video::{TextureEncoding, TexturePictures, TextureVideo, VideoSettings};
+pub use texture_video::{CodedTextures, TextureEncoding, TexturePictures, TextureVideo, VideoSettings};
 pub use tmc2::Tmc2;
 pub use tmc13::{Tmc13, Tmc13Geometry};
 pub use tool_error::ToolError;

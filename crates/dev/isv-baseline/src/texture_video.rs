@@ -77,13 +77,14 @@ impl TextureVideo {
         Ok(TextureEncoding { codec: self.clone(), settings, bench, pictures, size: None, frames: 0 })
     }
 
-    /// Decodes the video of a take to pictures of its size.
+    /// Decodes the video of a take to pictures.
     ///
     /// # Errors
     /// See [`ToolError`].
-    pub fn decode(&self, video: &[u8], size: [u32; 2]) -> Result<ToolRun<TexturePictures>, ToolError> {
+    pub fn decode(&self, coded: &CodedTextures) -> Result<ToolRun<TexturePictures>, ToolError> {
+        let size = coded.size;
         let bench = Bench::new()?;
-        std::fs::write(bench.path(VIDEO), video)?;
+        std::fs::write(bench.path(VIDEO), &coded.video)?;
         let run = bench.run(&self.program, &decoder_arguments(size), self.limit)?;
         let pictures = BufReader::new(bench.open(&self.program, PICTURES)?);
         Ok(run.with(TexturePictures { program: self.program.clone(), size, pictures, _bench: bench }))
@@ -123,18 +124,27 @@ impl TextureEncoding {
         Ok(())
     }
 
-    /// Codes all pictures, and gives the video and the size of its pictures.
+    /// Codes all pictures.
     ///
     /// # Errors
     /// See [`ToolError`]; a video without pictures is one that ffmpeg did not write.
-    pub fn finish(self) -> Result<ToolRun<(Vec<u8>, [u32; 2])>, ToolError> {
+    pub fn finish(self) -> Result<ToolRun<CodedTextures>, ToolError> {
         let Self { codec, settings, bench, mut pictures, size, .. } = self;
         pictures.flush()?;
         let size = size.unwrap_or([1, 1]);
         let run = bench.run(&codec.program, &encoder_arguments(size, settings), codec.limit)?;
         let video = bench.read(&codec.program, VIDEO)?;
-        Ok(run.with((video, size)))
+        Ok(run.with(CodedTextures { video, size }))
     }
+}
+
+/// A video of textures.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CodedTextures {
+    /// H.264 in Annex B form.
+    pub video: Vec<u8>,
+    /// Width and height of its pictures in pixels.
+    pub size: [u32; 2],
 }
 
 /// Decoded pictures, read one after the other.

@@ -28,9 +28,9 @@ fn coded(codec: &TextureVideo, crf: u8) -> (f64, usize) {
     }
     let run = encoding.finish().unwrap();
     assert!(run.command.contains(&format!("-crf {crf} -g 30")), "{}", run.command);
-    let (video, size) = run.output;
-    assert_eq!(size, [67, 33]);
-    let mut pictures = codec.decode(&video, size).unwrap().output;
+    let textures = run.output;
+    assert_eq!(textures.size, [67, 33]);
+    let mut pictures = codec.decode(&textures).unwrap().output;
     let mut squares = 0.0;
     for frame in 0..FRAMES {
         let (decoded, original) = (pictures.next_picture().unwrap(), picture(frame));
@@ -38,7 +38,7 @@ fn coded(codec: &TextureVideo, crf: u8) -> (f64, usize) {
         squares += pairs.map(|(a, b)| f64::from(a.abs_diff(*b)).powi(2)).sum::<f64>();
     }
     assert!(pictures.next_picture().is_err(), "there are as many pictures as went in");
-    (squares / (FRAMES * 67 * 33 * 3) as f64, video.len())
+    (squares / (FRAMES * 67 * 33 * 3) as f64, textures.video.len())
 }
 
 #[test]

@@ -6,7 +6,8 @@ use crate::record::{BytesByKind, ProgramUse};
 use isv::raw::io::Geometry;
 use isv::raw::volume::{Appearance, Image, Material, TriangleMesh};
 use isv_baseline::{
-    Draco, ProgramRun, TextureEncoding, TextureVideo, ToolRun, VideoSettings, simplify_textured,
+    CodedTextures, Draco, ProgramRun, TextureEncoding, TextureVideo, ToolRun, VideoSettings,
+    simplify_textured,
 };
 use std::sync::Arc;
 
@@ -78,7 +79,7 @@ impl Encoding for DracoVideoEncoding {
     }
 
     fn finish(self: Box<Self>) -> Result<Box<dyn Stream>, StudyError> {
-        let ToolRun { output: (video, size), ms, peak_memory_bytes, command } = self.textures.finish()?;
+        let ToolRun { output: textures, ms, peak_memory_bytes, command } = self.textures.finish()?;
         let encoding = WholeTake {
             encode_ms: self.encode_ms,
             colour_ms: Some(ms),
@@ -91,8 +92,7 @@ impl Encoding for DracoVideoEncoding {
             first_frame: self.first_frame,
             meshes: self.meshes,
             materials: self.materials,
-            video,
-            size,
+            textures,
             command,
             encoding,
         }))
@@ -107,9 +107,7 @@ struct DracoVideoStream {
     first_frame: usize,
     meshes: Vec<Vec<u8>>,
     materials: Vec<Material>,
-    video: Vec<u8>,
-    /// Width and height of the video in pixels.
-    size: [u32; 2],
+    textures: CodedTextures,
     /// How the video was coded.
     command: String,
     encoding: WholeTake,
@@ -122,7 +120,7 @@ impl Stream for DracoVideoStream {
 
     /// The video. Texture coordinates count as geometry: Draco does not tell them apart.
     fn bytes_colour(&self) -> u64 {
-        self.video.len() as u64
+        self.textures.video.len() as u64
     }
 
     fn kinds(&self) -> Option<BytesByKind> {
@@ -141,10 +139,12 @@ impl Stream for DracoVideoStream {
         });
         let version = self.codec.version();
         let of_video =
-            [self.command.clone(), self.codec.decoder_command(self.size)].map(|command| ProgramUse {
-                version: version.version.clone(),
-                command,
-                note: version.note(TextureVideo::PROGRAM),
+            [self.command.clone(), self.codec.decoder_command(self.textures.size)].map(|command| {
+                ProgramUse {
+                    version: version.version.clone(),
+                    command,
+                    note: version.note(TextureVideo::PROGRAM),
+                }
             });
         of_draco.into_iter().chain(of_video).collect()
     }
@@ -154,7 +154,7 @@ impl Stream for DracoVideoStream {
         colour: bool,
     ) -> Result<Box<dyn Iterator<Item = Result<DecodedFrame, StudyError>> + '_>, StudyError> {
         let mut pictures = match colour {
-            true => Some(self.codec.decode(&self.video, self.size)?.output),
+            true => Some(self.codec.decode(&self.textures)?.output),
             false => None,
         };
         Ok(Box::new((self.first_frame..).zip(self.meshes.iter().zip(&self.materials)).map(
