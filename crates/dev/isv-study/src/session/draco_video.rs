@@ -6,7 +6,7 @@ use crate::record::{BytesByKind, ProgramUse};
 use isv::raw::io::Geometry;
 use isv::raw::volume::{Appearance, Image, Material, TriangleMesh};
 use isv_baseline::{
-    CodedTextures, Draco, ProgramRun, TextureEncoding, TextureVideo, ToolRun, VideoSettings,
+    CodedTextures, Draco, ProgramRun, TextureEncoding, TexturePictures, TextureVideo, ToolRun, VideoSettings,
     simplify_textured,
 };
 use std::sync::Arc;
@@ -162,7 +162,7 @@ impl Stream for DracoVideoStream {
                 let run = self.draco.decode_textured(bytes);
                 let ProgramRun { output: mut mesh, ms, peak_memory_bytes } =
                     run.map_err(|cause| StudyError::Draco { frame, cause })?;
-                let picture = pictures.as_mut().map(|pictures| pictures.next_picture()).transpose();
+                let picture = pictures.as_mut().map(TexturePictures::next_picture).transpose();
                 let texture = picture.map_err(|cause| StudyError::Tool { frame, cause })?.map(Arc::new);
                 if let (Some(appearance), Some(texture)) = (&mut mesh.appearance, texture) {
                     let materials = vec![Material { texture: Some(texture), ..material.clone() }];
