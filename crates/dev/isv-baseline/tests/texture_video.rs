@@ -11,7 +11,7 @@ const FRAMES: usize = 4;
 fn picture(frame: usize) -> Image {
     let [width, height] = [67, 33];
     let pixels = (0..width * height).map(|place| {
-        let (x, y) = ((place % width) as f64 - 2.0 * frame as f64, (place / width) as f64);
+        let (x, y) = (f64::from(place % width) - 2.0 * frame as f64, f64::from(place / width));
         let wave = |phase: f64| (127.5 + 100.0 * (x / 9.0 + y / 14.0 + phase).sin()) as u8;
         [wave(0.0), wave(0.7), wave(1.4)]
     });
