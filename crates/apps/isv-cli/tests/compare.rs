@@ -108,12 +108,9 @@ fn meshes_with_texture_video_are_compared_and_shown() {
     }
     let workspace = Workspace::with_painted_figure(1);
     let take = take.to_str().unwrap().to_owned();
-    let study = |input: &str| {
-        let mut arguments = compare("draco-video,draco-video-25", &["--frames=10..12"]);
-        arguments[1] = input;
-        workspace.isv(&arguments).done()
-    };
-    study(&take);
+    let mut arguments = compare("draco-video,draco-video-25", &["--frames=10..12"]);
+    arguments[1] = &take;
+    workspace.isv(&arguments).done();
     let table = String::from_utf8(workspace.read("study/results.csv")).unwrap();
     let names: Vec<_> = table.lines().next().unwrap().split(',').collect();
     let column = |row: &str, name: &str| -> f64 {

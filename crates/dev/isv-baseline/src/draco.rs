@@ -78,12 +78,6 @@ impl Draco {
         Some(Self { encoder: encoder?, decoder: decoder?, limit: tools.limit(TIME_LIMIT) })
     }
 
-    /// The two programs.
-    #[must_use]
-    pub fn programs(&self) -> [&Path; 2] {
-        [&self.encoder, &self.decoder]
-    }
-
     /// Command lines of encoder and decoder, with the names of files for their paths.
     #[must_use]
     pub fn commands(position_bits: u8) -> [String; 2] {

@@ -2,7 +2,7 @@
 
 use crate::ToolError;
 use crate::bench::{Bench, ToolRun};
-use crate::tools::{ToolVersion, Tools};
+use crate::tools::{Identity, Tool, ToolVersion, Tools};
 use flate2::Compression;
 use flate2::read::DeflateDecoder;
 use flate2::write::DeflateEncoder;
@@ -10,8 +10,11 @@ use isv_io::{Format, write_mesh};
 use isv_volume::TriangleMesh;
 use std::io::{Read, Write};
 use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+
+/// What the program says of itself.
+const IDENTITY: Identity =
+    Identity { name: "gltfpack", arguments: &["-v"], mark: "gltfpack ", tested: "1.2" };
 
 /// A program still running after this hangs: two million faces take seconds.
 const TIME_LIMIT: Duration = Duration::from_secs(600);
@@ -22,14 +25,12 @@ const MOST_BYTES: u64 = 1 << 30;
 /// `gltfpack`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Gltfpack {
-    program: PathBuf,
-    version: ToolVersion,
-    limit: Duration,
+    tool: Tool,
 }
 
 impl Gltfpack {
     /// Name of the program.
-    pub const PROGRAM: &str = "gltfpack";
+    pub const PROGRAM: &str = IDENTITY.name;
 
     /// Bits of a position's component that it takes.
     pub const POSITION_BITS: RangeInclusive<u8> = 1..=16;
@@ -39,21 +40,13 @@ impl Gltfpack {
     /// # Errors
     /// [`ToolError::Version`] for another program of this name.
     pub fn find(tools: &Tools) -> Result<Option<Self>, ToolError> {
-        let Some(program) = tools.find(Self::PROGRAM) else { return Ok(None) };
-        let version = ToolVersion::ask(&program, &["-v"], "gltfpack ", "1.2")?;
-        Ok(Some(Self { program, version, limit: tools.limit(TIME_LIMIT) }))
+        Ok(tools.identify(&IDENTITY, TIME_LIMIT)?.map(|tool| Self { tool }))
     }
 
     /// Version of the program.
     #[must_use]
     pub fn version(&self) -> &ToolVersion {
-        &self.version
-    }
-
-    /// The program.
-    #[must_use]
-    pub fn program(&self) -> &Path {
-        &self.program
+        &self.tool.version
     }
 
     /// Packs positions and triangles, not normals, into one GLB file, with positions of at most 16 bits. Then compresses the
@@ -69,8 +62,8 @@ impl Gltfpack {
         write_mesh(&bench.path("mesh.glb"), &plain, Format::Glb)?;
         let bits = position_bits.clamp(*Self::POSITION_BITS.start(), *Self::POSITION_BITS.end()).to_string();
         let arguments = ["-i", "mesh.glb", "-o", "packed.glb", "-cz", "-vp", &bits].map(str::to_owned);
-        let run = bench.run(&self.program, &arguments, self.limit)?;
-        let packed = bench.read(&self.program, "packed.glb")?;
+        let run = bench.run(&self.tool.path, &arguments, self.tool.limit)?;
+        let packed = bench.read(&self.tool.path, "packed.glb")?;
         let mut deflated = DeflateEncoder::new(Vec::new(), Compression::best());
         deflated.write_all(&packed)?;
         let mut run = run.with(deflated.finish()?);
@@ -88,7 +81,7 @@ impl Gltfpack {
         DeflateDecoder::new(bytes).take(MOST_BYTES).read_to_end(&mut packed)?;
         std::fs::write(bench.path("packed.glb"), packed)?;
         let start = Instant::now();
-        let output = bench.read_mesh(&self.program, "packed.glb")?;
+        let output = bench.read_mesh(&self.tool.path, "packed.glb")?;
         let ms = start.elapsed().as_secs_f64() * 1e3;
         Ok(ToolRun { output, ms, peak_memory_bytes: None, command: String::new() })
     }

@@ -2,13 +2,17 @@
 
 use crate::ToolError;
 use crate::bench::{Bench, ToolRun};
-use crate::tools::{ToolVersion, Tools};
+use crate::tools::{Identity, Tool, ToolVersion, Tools};
 use isv_format::FrameRate;
 use isv_volume::{Image, Rgb};
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
+
+/// What the program says of itself.
+const IDENTITY: Identity =
+    Identity { name: "ffmpeg", arguments: &["-version"], mark: "ffmpeg version ", tested: "5.1" };
 
 /// A program still running after this hangs: a second of video takes seconds.
 const TIME_LIMIT: Duration = Duration::from_secs(3600);
@@ -25,9 +29,7 @@ const EXACT: &str = "flags=bicubic+accurate_rnd+full_chroma_int+full_chroma_inp"
 /// `ffmpeg` with libx264.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TextureVideo {
-    program: PathBuf,
-    version: ToolVersion,
-    limit: Duration,
+    tool: Tool,
 }
 
 /// Settings of a video.
@@ -43,28 +45,20 @@ pub struct VideoSettings {
 
 impl TextureVideo {
     /// Name of the program.
-    pub const PROGRAM: &str = "ffmpeg";
+    pub const PROGRAM: &str = IDENTITY.name;
 
     /// The program, if it is there.
     ///
     /// # Errors
     /// [`ToolError::Version`] for another program of this name.
     pub fn find(tools: &Tools) -> Result<Option<Self>, ToolError> {
-        let Some(program) = tools.find(Self::PROGRAM) else { return Ok(None) };
-        let version = ToolVersion::ask(&program, &["-version"], "ffmpeg version ", "5.1")?;
-        Ok(Some(Self { program, version, limit: tools.limit(TIME_LIMIT) }))
+        Ok(tools.identify(&IDENTITY, TIME_LIMIT)?.map(|tool| Self { tool }))
     }
 
     /// Version of the program.
     #[must_use]
     pub fn version(&self) -> &ToolVersion {
-        &self.version
-    }
-
-    /// The program.
-    #[must_use]
-    pub fn program(&self) -> &Path {
-        &self.program
+        &self.tool.version
     }
 
     /// Begins a video.
@@ -85,15 +79,15 @@ impl TextureVideo {
         let size = coded.size;
         let bench = Bench::new()?;
         std::fs::write(bench.path(VIDEO), &coded.video)?;
-        let run = bench.run(&self.program, &decoder_arguments(size), self.limit)?;
-        let pictures = BufReader::new(bench.open(&self.program, PICTURES)?);
-        Ok(run.with(TexturePictures { program: self.program.clone(), size, pictures, _bench: bench }))
+        let run = bench.run(&self.tool.path, &decoder_arguments(size), self.tool.limit)?;
+        let pictures = BufReader::new(bench.open(&self.tool.path, PICTURES)?);
+        Ok(run.with(TexturePictures { program: self.tool.path.clone(), size, pictures, _bench: bench }))
     }
 
     /// Command line of the decoder for pictures of a size.
     #[must_use]
     pub fn decoder_command(&self, size: [u32; 2]) -> String {
-        crate::bench::command_line(&self.program, &decoder_arguments(size))
+        crate::bench::command_line(&self.tool.path, &decoder_arguments(size))
     }
 }
 
@@ -132,8 +126,8 @@ impl TextureEncoding {
         let Self { codec, settings, bench, mut pictures, size, .. } = self;
         pictures.flush()?;
         let size = size.unwrap_or([1, 1]);
-        let run = bench.run(&codec.program, &encoder_arguments(size, settings), codec.limit)?;
-        let video = bench.read(&codec.program, VIDEO)?;
+        let run = bench.run(&codec.tool.path, &encoder_arguments(size, settings), codec.tool.limit)?;
+        let video = bench.read(&codec.tool.path, VIDEO)?;
         Ok(run.with(CodedTextures { video, size }))
     }
 }

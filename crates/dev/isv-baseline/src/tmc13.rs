@@ -2,10 +2,13 @@
 
 use crate::ToolError;
 use crate::bench::{Bench, ToolRun, command_line};
-use crate::tools::{ToolVersion, Tools};
+use crate::tools::{Identity, Tool, ToolVersion, Tools};
 use isv_volume::PointCloud;
-use std::path::{Path, PathBuf};
 use std::time::Duration;
+
+/// What the program says of itself.
+const IDENTITY: Identity =
+    Identity { name: "tmc3", arguments: &["--help"], mark: "MPEG PCC tmc3 version ", tested: "23.0" };
 
 /// A program still running after this hangs: a million points take seconds.
 const TIME_LIMIT: Duration = Duration::from_secs(600);
@@ -25,35 +28,25 @@ pub enum Tmc13Geometry {
 /// `tmc3`, built from the public source.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tmc13 {
-    program: PathBuf,
-    version: ToolVersion,
-    limit: Duration,
+    tool: Tool,
 }
 
 impl Tmc13 {
     /// Name of the program.
-    pub const PROGRAM: &str = "tmc3";
+    pub const PROGRAM: &str = IDENTITY.name;
 
     /// The program, if it is there.
     ///
     /// # Errors
     /// [`ToolError::Version`] for another program of this name.
     pub fn find(tools: &Tools) -> Result<Option<Self>, ToolError> {
-        let Some(program) = tools.find(Self::PROGRAM) else { return Ok(None) };
-        let version = ToolVersion::ask(&program, &["--help"], "MPEG PCC tmc3 version ", "23.0")?;
-        Ok(Some(Self { program, version, limit: tools.limit(TIME_LIMIT) }))
+        Ok(tools.identify(&IDENTITY, TIME_LIMIT)?.map(|tool| Self { tool }))
     }
 
     /// Version of the program.
     #[must_use]
     pub fn version(&self) -> &ToolVersion {
-        &self.version
-    }
-
-    /// The program.
-    #[must_use]
-    pub fn program(&self) -> &Path {
-        &self.program
+        &self.tool.version
     }
 
     /// Encodes voxels of one frame, positions alone. Settings are those of the common test conditions for solid clouds:
@@ -68,15 +61,15 @@ impl Tmc13 {
     ) -> Result<ToolRun<Vec<u8>>, ToolError> {
         let bench = Bench::new()?;
         bench.write_voxels("points.ply", voxels, None)?;
-        let run = bench.run(&self.program, &encoder_arguments(geometry), self.limit)?;
-        let bytes = bench.read(&self.program, "points.bin")?;
+        let run = bench.run(&self.tool.path, &encoder_arguments(geometry), self.tool.limit)?;
+        let bytes = bench.read(&self.tool.path, "points.bin")?;
         Ok(run.with(bytes))
     }
 
     /// Command line of the decoder.
     #[must_use]
     pub fn decoder_command(&self) -> String {
-        command_line(&self.program, &decoder_arguments())
+        command_line(&self.tool.path, &decoder_arguments())
     }
 
     /// Decodes what [`Self::encode`] made; positions on the lattice.
@@ -86,8 +79,8 @@ impl Tmc13 {
     pub fn decode(&self, bytes: &[u8]) -> Result<ToolRun<PointCloud>, ToolError> {
         let bench = Bench::new()?;
         std::fs::write(bench.path("points.bin"), bytes)?;
-        let run = bench.run(&self.program, &decoder_arguments(), self.limit)?;
-        let points = bench.read_points(&self.program, "decoded.ply")?;
+        let run = bench.run(&self.tool.path, &decoder_arguments(), self.tool.limit)?;
+        let points = bench.read_points(&self.tool.path, "decoded.ply")?;
         Ok(run.with(points))
     }
 }

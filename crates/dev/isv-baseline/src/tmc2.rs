@@ -2,10 +2,14 @@
 
 use crate::ToolError;
 use crate::bench::{Bench, ToolRun, command_line};
-use crate::tools::{ToolVersion, Tools, folder_above};
+use crate::tools::{Identity, ToolVersion, Tools, folder_above};
 use isv_volume::{PointCloud, Rgb};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
+
+/// What the encoder says of itself.
+const IDENTITY: Identity =
+    Identity { name: "PccAppEncoder", arguments: &["--help"], mark: "PccAppEncoder v", tested: "24.0" };
 
 /// A program still running after this hangs: a frame takes half a minute.
 const TIME_LIMIT: Duration = Duration::from_secs(4 * 3600);
@@ -28,7 +32,7 @@ pub struct Tmc2 {
 
 impl Tmc2 {
     /// Names of the programs.
-    pub const PROGRAMS: [&str; 2] = ["PccAppEncoder", "PccAppDecoder"];
+    pub const PROGRAMS: [&str; 2] = [IDENTITY.name, "PccAppDecoder"];
 
     /// Rates of the common test conditions, fine to coarse.
     pub const RATES: [u8; 5] = [5, 4, 3, 2, 1];
@@ -42,7 +46,7 @@ impl Tmc2 {
         let [Some(encoder), Some(decoder)] = Self::PROGRAMS.map(|name| tools.find(name)) else {
             return Ok(None);
         };
-        let version = ToolVersion::ask(&encoder, &["--help"], "PccAppEncoder v", "24.0")?;
+        let version = ToolVersion::ask(&encoder, &IDENTITY)?;
         let configurations = folder_above(&encoder, CONFIGURATION)?;
         Ok(Some(Self { encoder, decoder, configurations, version, limit: tools.limit(TIME_LIMIT) }))
     }
@@ -51,12 +55,6 @@ impl Tmc2 {
     #[must_use]
     pub fn version(&self) -> &ToolVersion {
         &self.version
-    }
-
-    /// The two programs.
-    #[must_use]
-    pub fn programs(&self) -> [&Path; 2] {
-        [&self.encoder, &self.decoder]
     }
 
     /// Encodes the voxels of a whole take, positions alone, in the random-access condition at a rate of [`Self::RATES`].

@@ -76,6 +76,13 @@ impl Tools {
         self.time_limit.unwrap_or(of_codec)
     }
 
+    /// A program, if it is there, with the version that it says; `limit` is that of its codec.
+    pub(crate) fn identify(&self, identity: &Identity, limit: Duration) -> Result<Option<Tool>, ToolError> {
+        let Some(path) = self.find(identity.name) else { return Ok(None) };
+        let version = ToolVersion::ask(&path, identity)?;
+        Ok(Some(Tool { path, version, limit: self.limit(limit) }))
+    }
+
     /// Path of a program, if it is there.
     #[must_use]
     pub fn find(&self, name: &str) -> Option<PathBuf> {
@@ -84,6 +91,27 @@ impl Tools {
             None => std::path::absolute(find_program(name)?).ok(),
         }
     }
+}
+
+/// How a program is told from others of the same name.
+pub(crate) struct Identity {
+    /// Name of its file.
+    pub(crate) name: &'static str,
+    /// Arguments with which it says its version.
+    pub(crate) arguments: &'static [&'static str],
+    /// Words before the version.
+    pub(crate) mark: &'static str,
+    /// The version that the adapter was tested with.
+    pub(crate) tested: &'static str,
+}
+
+/// A program that was found and has said its version.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Tool {
+    pub(crate) path: PathBuf,
+    pub(crate) version: ToolVersion,
+    /// Time after which it is ended.
+    pub(crate) limit: Duration,
 }
 
 /// Version of a program of another codec.
@@ -104,14 +132,9 @@ impl ToolVersion {
             .then(|| format!("{program} is version {version}; isv's settings are tested with {tested}"))
     }
 
-    /// Asks a program for its version: the word behind `mark` in what it says when run with `arguments`. A program that says
-    /// no such thing is another one of the same name.
-    pub(crate) fn ask(
-        program: &Path,
-        arguments: &[&str],
-        mark: &str,
-        tested: &'static str,
-    ) -> Result<Self, ToolError> {
+    /// Asks a program for its version. A program that does not say the mark is another one of the same name.
+    pub(crate) fn ask(program: &Path, identity: &Identity) -> Result<Self, ToolError> {
+        let Identity { arguments, mark, tested, .. } = *identity;
         let arguments: Vec<_> = arguments.iter().map(|argument| (*argument).to_owned()).collect();
         let words = words_of(program, &arguments, VERSION_LIMIT)?;
         let version = words.split_once(mark).and_then(|(_, rest)| rest.split_whitespace().next());

@@ -1,12 +1,16 @@
 //! The test model of MPEG's V-DMC, run as programs the way its test conditions run them.
 
 use crate::bench::{Bench, GREY_PIXEL, ToolRun, command_line};
-use crate::tools::{ToolVersion, Tools, folder_above};
+use crate::tools::{Identity, ToolVersion, Tools, folder_above};
 use crate::{Lattice, ToolError};
 use isv_io::{Format, write_mesh};
 use isv_volume::TriangleMesh;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
+
+/// What the encoder says of itself.
+const IDENTITY: Identity =
+    Identity { name: "encode", arguments: &["--help"], mark: "MPEG VMESH version ", tested: "4.0" };
 
 /// A program still running after this hangs: a frame takes minutes.
 const TIME_LIMIT: Duration = Duration::from_secs(4 * 3600);
@@ -36,7 +40,7 @@ pub struct Vdmc {
 
 impl Vdmc {
     /// Names of the programs.
-    pub const PROGRAMS: [&str; 2] = ["encode", "decode"];
+    pub const PROGRAMS: [&str; 2] = [IDENTITY.name, "decode"];
 
     /// Bits of the positions that the encoder is given, which are not rounded.
     pub const POSITION_BITS: u8 = 12;
@@ -53,7 +57,7 @@ impl Vdmc {
         let [Some(encoder), Some(decoder)] = Self::PROGRAMS.map(|name| tools.find(name)) else {
             return Ok(None);
         };
-        let version = ToolVersion::ask(&encoder, &["--help"], "MPEG VMESH version ", "4.0")?;
+        let version = ToolVersion::ask(&encoder, &IDENTITY)?;
         let configurations = folder_above(&encoder, CONFIGURATION)?;
         Ok(Some(Self { encoder, decoder, configurations, version, limit: tools.limit(TIME_LIMIT) }))
     }
@@ -62,12 +66,6 @@ impl Vdmc {
     #[must_use]
     pub fn version(&self) -> &ToolVersion {
         &self.version
-    }
-
-    /// The two programs.
-    #[must_use]
-    pub fn programs(&self) -> [&Path; 2] {
-        [&self.encoder, &self.decoder]
     }
 
     /// The lattice on which meshes of a take are handed over, by the box around them all.

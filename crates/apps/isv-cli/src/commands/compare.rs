@@ -57,18 +57,18 @@ pub(crate) struct Args {
     /// Savings are summed up against the first. isv's own codecs are paper-intra, paper-zero, paper-3dof, paper-6dof,
     /// paper-auto, main-realtime, main-balanced and main-archive. Trained transforms are tang-scene and tang-cross. The others
     /// are draco, draco-50, draco-25, draco-10, draco-5, draco-video, draco-video-25, gltfpack, gltfpack-25, tmc13-octree,
-    /// tmc13-trisoup, tmc2 and vdmc. A number is the share of faces (%) that simplification leaves. draco-video codes textures as H.264 beside Draco's
-    /// meshes.
+    /// tmc13-trisoup, tmc2 and vdmc. A number is the share of faces (%) that simplification leaves. draco-video codes
+    /// textures as H.264 beside Draco's meshes.
     ///
-    /// Those from draco on are programs of others: ffmpeg (x264), gltfpack (meshoptimizer), tmc13 (MPEG G-PCC), tmc2 (MPEG
-    /// V-PCC) and vdmc (MPEG V-DMC). A codec without its programs is left out with a note.
+    /// Codecs from draco on run programs of others: Draco, ffmpeg (x264), gltfpack (meshoptimizer), tmc13 (MPEG G-PCC),
+    /// tmc2 (MPEG V-PCC) and vdmc (MPEG V-DMC). A codec without its programs is left out with a note.
     #[arg(help_heading = "Codecs", long, value_name = "NAME,..", value_delimiter = ',')]
     codecs: Vec<Codec>,
     /// Path of another codec's program [default: found on the PATH]
     ///
     /// May be given several times. Names are draco_encoder, draco_decoder, ffmpeg, gltfpack, tmc3, PccAppEncoder,
-    /// PccAppDecoder, encode and decode (V-DMC). TMC2 and V-DMC need the folder cfg of their source beside the program or up to 3 folders
-    /// above.
+    /// PccAppDecoder, encode and decode (V-DMC). TMC2 and V-DMC need the folder cfg of their source beside the program or
+    /// up to 3 folders above.
     #[arg(help_heading = "Other codecs", long = "tool", value_name = "NAME=PATH", value_parser = tool_parser)]
     tools: Vec<(String, PathBuf)>,
     /// End another codec's program after this time [default: 10 min to 4 h]
