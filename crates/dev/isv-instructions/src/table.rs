@@ -94,10 +94,9 @@ impl Table {
         let rows: Vec<_> = self.rows.iter().map(Row::to_markdown).collect();
         format!(
             "# Instructions of the kernels\n\n\
-             How many instructions each kernel takes on input made in code, one thread, counted by valgrind, which knows no \
-             AVX-512: the same on any machine. `scalar` is the plain code for any x86-64, in which the compiler may use \
-             SSE2. Instructions are not time, but what grows here was made slower or does more. CI compares: \
-             {:.0} % more fail, {:.0} % under another compiler.\n\n\
+             How many instructions each kernel takes on input made in code, one thread, counted by valgrind, which knows no AVX-512:\n\
+             the same on any machine. `scalar` is the plain code for any x86-64, in which the compiler may use SSE2. Instructions are\n\
+             not time, but what grows here was made slower or does more. CI compares: {:.0} % more fail, {:.0} % under another compiler.\n\n\
              ```sh\n{UPDATE}    # without --update, compares\n```\n\n\
              {COMPILER}{}\n\n\
              | kernel | unit | scalar | avx2 | ratio |\n|---|---|---|---|---|\n{}\n",

@@ -93,9 +93,9 @@ pub fn add_residual(
         residual[usize::from(parameters.scan[usize::from(level.place)])] = quantizer.dequantize(level.value);
     }
     parameters.transform.inverse(&mut residual);
-    let limit = i32::from(parameters.grid.truncation.codes());
+    let limit = parameters.grid.truncation.codes();
     for (sample, difference) in samples.iter_mut().zip(residual) {
-        *sample = (i32::from(*sample) + i32::from(difference)).clamp(-limit, limit) as i16;
+        *sample = sample.saturating_add(difference).clamp(-limit, limit);
     }
 }
 

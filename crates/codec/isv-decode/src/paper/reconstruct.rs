@@ -67,9 +67,7 @@ pub fn add_residuals(parameters: &CodingParameters, levels: &[i32], prediction: 
             |residual, (samples, levels)| {
                 if inverse_residual(parameters, levels, residual) {
                     for (sample, difference) in samples.iter_mut().zip(residual) {
-                        *sample = (i32::from(*sample) + i32::from(*difference))
-                            .clamp(-i32::from(limit), i32::from(limit))
-                            as i16;
+                        *sample = sample.saturating_add(*difference).clamp(-limit, limit);
                     }
                 }
             },
