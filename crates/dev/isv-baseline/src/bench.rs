@@ -2,7 +2,7 @@
 
 use crate::ToolError;
 use crate::program::{ProgramRun, check_output, run_in};
-use isv_io::{Format, Geometry, Unit, read_geometry, write_points};
+use isv_io::{Colours, Format, Geometry, ReadOptions, Unit, read_geometry_as, write_points};
 use isv_volume::{PointCloud, Rgb, TriangleMesh};
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -36,6 +36,15 @@ pub struct ToolRun<T> {
     pub command: String,
 }
 
+/// Points as coded, with or without colours.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct CodedPoints {
+    /// The stream.
+    pub bytes: Vec<u8>,
+    /// Bytes of it that are colours.
+    pub colour_bytes: u64,
+}
+
 impl<T> ToolRun<T> {
     /// The run with another output.
     pub(crate) fn with<U>(self, output: U) -> ToolRun<U> {
@@ -65,16 +74,15 @@ impl Bench {
         Ok(ToolRun { output: (), ms, peak_memory_bytes, command: command_line(program, arguments) })
     }
 
-    /// Writes points at whole coordinates; with a colour each of them has it.
+    /// Writes points at whole coordinates, and their colours if there are any.
     pub(crate) fn write_voxels(
         &self,
         name: &str,
-        voxels: &[[i32; 3]],
-        colour: Option<Rgb>,
+        places: &[[i32; 3]],
+        colours: &[Rgb],
     ) -> Result<(), ToolError> {
-        let positions: Vec<_> = voxels.iter().map(|voxel| voxel.map(f64::from).into()).collect();
-        let colours = colour.map_or(Vec::new(), |colour| vec![colour; positions.len()]);
-        let points = PointCloud { positions, colours, ..PointCloud::default() };
+        let positions = places.iter().map(|place| place.map(f64::from).into()).collect();
+        let points = PointCloud { positions, colours: colours.to_vec(), ..PointCloud::default() };
         Ok(write_points(&self.path(name), &points, Format::Ply)?)
     }
 
@@ -92,27 +100,27 @@ impl Bench {
         Ok(File::open(path)?)
     }
 
-    /// Points of a file that a program wrote.
+    /// Points of a file that a program wrote, with their colours if they have any.
     pub(crate) fn read_points(&self, program: &Path, name: &str) -> Result<PointCloud, ToolError> {
-        match self.read_file(program, name)? {
+        match self.read_file(program, name, Colours::Keep)? {
             Geometry::Points(points) => Ok(points),
             Geometry::Mesh(_) => Err(ToolError::Kind { program: program.to_owned(), expected: "points" }),
         }
     }
 
-    /// The mesh of a file that a program wrote.
+    /// The mesh of a file that a program wrote, without colours.
     pub(crate) fn read_mesh(&self, program: &Path, name: &str) -> Result<TriangleMesh, ToolError> {
-        match self.read_file(program, name)? {
+        match self.read_file(program, name, Colours::Drop)? {
             Geometry::Mesh(mesh) => Ok(mesh),
             Geometry::Points(_) => Err(ToolError::Kind { program: program.to_owned(), expected: "a mesh" }),
         }
     }
 
-    fn read_file(&self, program: &Path, name: &str) -> Result<Geometry, ToolError> {
+    fn read_file(&self, program: &Path, name: &str, colours: Colours) -> Result<Geometry, ToolError> {
         let path = self.path(name);
         check_output(program, &path)?;
         let unreadable = |cause| ToolError::Read { program: program.to_owned(), cause: Box::new(cause) };
-        read_geometry(&path, Unit::Metre).map_err(unreadable)
+        read_geometry_as(&path, &ReadOptions::new(Unit::Metre).with_colours(colours)).map_err(unreadable)
     }
 }
 

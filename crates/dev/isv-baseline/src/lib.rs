@@ -37,10 +37,10 @@ mod vdmc;
 mod support;
 
 pub use basis::BlockBasis;
-pub use bench::ToolRun;
+pub use bench::{CodedPoints, ToolRun};
 pub use draco::{Draco, DracoError};
 pub use gltfpack::Gltfpack;
-pub use lattice::Lattice;
+pub use lattice::{Lattice, Voxels};
 pub use moments::{BlockMoments, TrainingError};
 pub use program::{ProgramError, ProgramRun};
 pub use simplify::{SimplifyError, simplify, simplify_textured};

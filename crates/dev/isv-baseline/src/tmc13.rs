@@ -1,7 +1,8 @@
 //! TMC13, the test model of MPEG's G-PCC, run as a program the way its test conditions run it.
 
 use crate::ToolError;
-use crate::bench::{Bench, ToolRun, command_line};
+use crate::bench::{Bench, CodedPoints, ToolRun, command_line};
+use crate::lattice::Voxels;
 use crate::tools::{Identity, Tool, ToolVersion, Tools};
 use isv_volume::PointCloud;
 use std::time::Duration;
@@ -49,21 +50,27 @@ impl Tmc13 {
         &self.tool.version
     }
 
-    /// Encodes voxels of one frame, positions alone. Settings are those of the common test conditions for solid clouds:
-    /// octree without loss, trisoup with loss.
+    /// Encodes the voxels of one frame; their colours, if there are any, by RAHT with a quantization parameter of 4 to 51. Settings are
+    /// those of the common test conditions for solid clouds: octree without loss, trisoup with loss.
     ///
     /// # Errors
     /// See [`ToolError`].
     pub fn encode(
         &self,
-        voxels: &[[i32; 3]],
+        voxels: &Voxels,
         geometry: Tmc13Geometry,
-    ) -> Result<ToolRun<Vec<u8>>, ToolError> {
+        colour_qp: u8,
+    ) -> Result<ToolRun<CodedPoints>, ToolError> {
         let bench = Bench::new()?;
-        bench.write_voxels("points.ply", voxels, None)?;
-        let run = bench.run(&self.tool.path, &encoder_arguments(geometry), self.tool.limit)?;
+        bench.write_voxels("points.ply", &voxels.places, &voxels.colours)?;
+        let colour_qp = Some(colour_qp).filter(|_| !voxels.colours.is_empty());
+        let run = bench.run(&self.tool.path, &encoder_arguments(geometry, colour_qp), self.tool.limit)?;
         let bytes = bench.read(&self.tool.path, "points.bin")?;
-        Ok(run.with(bytes))
+        let colour_bytes = colour_bytes(&bytes).ok_or_else(|| ToolError::Kind {
+            program: self.tool.path.clone(),
+            expected: "a stream of G-PCC",
+        })?;
+        Ok(run.with(CodedPoints { bytes, colour_bytes }))
     }
 
     /// Command line of the decoder.
@@ -72,7 +79,7 @@ impl Tmc13 {
         command_line(&self.tool.path, &decoder_arguments())
     }
 
-    /// Decodes what [`Self::encode`] made; positions on the lattice.
+    /// Decodes what [`Self::encode`] made; positions on the lattice, and colours if the stream has any.
     ///
     /// # Errors
     /// See [`ToolError`].
@@ -85,17 +92,21 @@ impl Tmc13 {
     }
 }
 
-fn decoder_arguments() -> [String; 3] {
-    ["--mode=1", "--compressedStreamPath=points.bin", "--reconstructedDataPath=decoded.ply"]
-        .map(str::to_owned)
+fn decoder_arguments() -> [String; 4] {
+    [
+        "--mode=1",
+        "--compressedStreamPath=points.bin",
+        "--reconstructedDataPath=decoded.ply",
+        "--convertPlyColourspace=1",
+    ]
+    .map(str::to_owned)
 }
 
-fn encoder_arguments(geometry: Tmc13Geometry) -> Vec<String> {
+fn encoder_arguments(geometry: Tmc13Geometry, colour_qp: Option<u8>) -> Vec<String> {
     let mut arguments: Vec<String> = [
         "--mode=0",
         "--uncompressedDataPath=points.ply",
         "--compressedStreamPath=points.bin",
-        "--disableAttributeCoding=1",
         "--mergeDuplicatedPoints=1",
         "--positionQuantizationScale=1",
         "--neighbourAvailBoundaryLog2=8",
@@ -122,5 +133,55 @@ fn encoder_arguments(geometry: Tmc13Geometry) -> Vec<String> {
             ]);
         }
     }
+    match colour_qp {
+        Some(qp) => {
+            let chroma_offset = if geometry == Tmc13Geometry::Octree { -1 } else { -2 };
+            arguments.extend([
+                "--convertPlyColourspace=1".to_owned(),
+                "--transformType=0".to_owned(),
+                "--rahtPredictionSearchRange=50000".to_owned(),
+                format!("--qp={qp}"),
+                format!("--qpChromaOffset={chroma_offset}"),
+                "--bitdepth=8".to_owned(),
+                // What is set above belongs to the attribute that is named after it.
+                "--attribute=color".to_owned(),
+            ]);
+        }
+        None => arguments.push("--disableAttributeCoding=1".to_owned()),
+    }
     arguments
+}
+
+/// Bytes of a stream's attributes: units of a type, a length and so many bytes (ISO/IEC 23090-9, annex B). `None` for anything else.
+fn colour_bytes(mut stream: &[u8]) -> Option<u64> {
+    /// Types of units that say how an attribute is coded, and that hold it.
+    const OF_ATTRIBUTES: [u8; 2] = [3, 4];
+    const HEADER: usize = 5;
+    let mut bytes = 0;
+    while !stream.is_empty() {
+        let (header, rest) = stream.split_first_chunk::<HEADER>()?;
+        let [kind, length @ ..] = *header;
+        let (_, rest) = rest.split_at_checked(u32::from_be_bytes(length) as usize)?;
+        if OF_ATTRIBUTES.contains(&kind) {
+            bytes += (stream.len() - rest.len()) as u64;
+        }
+        stream = rest;
+    }
+    Some(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_of_attributes_are_counted_with_their_headers() {
+        let stream =
+            [&[0, 0, 0, 0, 2, 7, 7][..], &[3, 0, 0, 0, 1, 7], &[2, 0, 0, 0, 0], &[4, 0, 0, 0, 3, 7, 7, 7]];
+        assert_eq!(colour_bytes(&stream.concat()), Some(6 + 8));
+        assert_eq!(colour_bytes(&[]), Some(0));
+        for broken in [&[4, 0, 0][..], &[4, 0, 0, 0, 2, 7], &[2, 255, 255, 255, 255, 7]] {
+            assert_eq!(colour_bytes(broken), None, "{broken:?}");
+        }
+    }
 }

@@ -1,7 +1,8 @@
 //! TMC2, the test model of MPEG's V-PCC, run as programs the way its test conditions run them.
 
 use crate::ToolError;
-use crate::bench::{Bench, ToolRun, command_line};
+use crate::bench::{Bench, CodedPoints, ToolRun, command_line};
+use crate::lattice::Voxels;
 use crate::tools::{Identity, ToolVersion, Tools, folder_above};
 use isv_volume::{PointCloud, Rgb};
 use std::path::PathBuf;
@@ -57,27 +58,37 @@ impl Tmc2 {
         &self.version
     }
 
-    /// Encodes the voxels of a whole take, positions alone, in the random-access condition at a rate of [`Self::RATES`].
-    /// Coordinates are from 0 to below `2^bits`.
+    /// Encodes the voxels of a whole take in the random-access condition at a rate of [`Self::RATES`], with colours if all frames have
+    /// them. Coordinates are from 0 to below `2^bits`.
     ///
     /// # Errors
     /// See [`ToolError`].
-    pub fn encode(
-        &self,
-        frames: &[Vec<[i32; 3]>],
-        bits: u8,
-        rate: u8,
-    ) -> Result<ToolRun<Vec<u8>>, ToolError> {
+    pub fn encode(&self, frames: &[Voxels], bits: u8, rate: u8) -> Result<ToolRun<CodedPoints>, ToolError> {
         let bench = Bench::new()?;
-        for (frame, voxels) in frames.iter().enumerate() {
-            bench.write_voxels(&format!("points_{frame:04}.ply"), voxels, Some(GREY))?;
+        let has_colours = frames.iter().all(|voxels| !voxels.colours.is_empty());
+        for (frame, Voxels { places, colours }) in frames.iter().enumerate() {
+            let grey;
+            let colours = match has_colours {
+                true => colours,
+                false => {
+                    grey = vec![GREY; places.len()];
+                    &grey
+                }
+            };
+            bench.write_voxels(&format!("points_{frame:04}.ply"), places, colours)?;
         }
-        let run = bench.run(&self.encoder, &self.encoder_arguments(frames.len(), bits, rate), self.limit)?;
+        let arguments = self.encoder_arguments(frames.len(), bits, rate, has_colours);
+        let run = bench.run(&self.encoder, &arguments, self.limit)?;
         let bytes = bench.read(&self.encoder, "take.bin")?;
-        Ok(self.shortened(run.with(bytes)))
+        let colour_bytes = colour_bytes(&bytes).ok_or_else(|| ToolError::Kind {
+            program: self.encoder.clone(),
+            expected: "a stream of V-PCC",
+        })?;
+        Ok(self.shortened(run.with(CodedPoints { bytes, colour_bytes })))
     }
 
-    /// Decodes what [`Self::encode`] made, a number of frames; positions on the lattice.
+    /// Decodes what [`Self::encode`] made, a number of frames; positions on the lattice. Without colours in the stream, what the decoder
+    /// writes for them means nothing.
     ///
     /// # Errors
     /// See [`ToolError`].
@@ -112,7 +123,7 @@ impl Tmc2 {
         ]
     }
 
-    fn encoder_arguments(&self, frames: usize, bits: u8, rate: u8) -> Vec<String> {
+    fn encoder_arguments(&self, frames: usize, bits: u8, rate: u8, has_colours: bool) -> Vec<String> {
         let cfg = self.configurations.display();
         vec![
             format!("--configurationFolder={cfg}/"),
@@ -126,7 +137,7 @@ impl Tmc2 {
             "--groupOfFramesSize=32".to_owned(),
             format!("--geometry3dCoordinatesBitdepth={bits}"),
             "--geometryNominal2dBitdepth=8".to_owned(),
-            "--noAttributes=1".to_owned(),
+            format!("--noAttributes={}", u8::from(!has_colours)),
             "--computeMetrics=0".to_owned(),
             "--computeChecksum=0".to_owned(),
             "--keepIntermediateFiles=0".to_owned(),
@@ -141,7 +152,49 @@ impl Tmc2 {
     }
 }
 
+/// Bytes of a stream's attributes: a byte that says how long sizes are, then units with their sizes before them (ISO/IEC 23090-5, annex C).
+/// `None` for anything else.
+fn colour_bytes(stream: &[u8]) -> Option<u64> {
+    /// Type of the units that hold video of attributes.
+    const ATTRIBUTE_VIDEO: u8 = 4;
+    let (header, mut rest) = stream.split_first()?;
+    let size_bytes = usize::from(header >> 5) + 1;
+    let mut bytes = 0;
+    while !rest.is_empty() {
+        let (size, units) = rest.split_at_checked(size_bytes)?;
+        let size = size.iter().fold(0u64, |size, byte| size << 8 | u64::from(*byte));
+        let (unit, others) = units.split_at_checked(usize::try_from(size).ok()?)?;
+        if unit.first()? >> 3 == ATTRIBUTE_VIDEO {
+            bytes += (rest.len() - others.len()) as u64;
+        }
+        rest = others;
+    }
+    Some(bytes)
+}
+
 /// Threads that the programs may use.
 fn threads() -> usize {
     rayon::current_num_threads()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_of_attributes_are_counted_with_their_sizes() {
+        // Sizes of two bytes: parameters, then attributes, then geometry.
+        let stream = [&[1 << 5][..], &[0, 2, 0, 7], &[0, 3, 4 << 3, 7, 7], &[0, 1, 3 << 3]].concat();
+        assert_eq!(colour_bytes(&stream), Some(5));
+        assert_eq!(colour_bytes(&stream[..1]), Some(0));
+        for broken in [
+            &[][..],
+            &[0, 0],
+            &[1 << 5, 0],
+            &[0, 9, 4 << 3],
+            &[7 << 5, 255, 255, 255, 255, 255, 255, 255, 255],
+        ] {
+            assert_eq!(colour_bytes(broken), None, "{broken:?}");
+        }
+    }
 }

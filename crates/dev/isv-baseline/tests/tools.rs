@@ -2,7 +2,9 @@
 
 #![cfg(unix)]
 
-use isv_baseline::{Gltfpack, Lattice, ProgramError, Tmc2, Tmc13, Tmc13Geometry, ToolError, Tools, Vdmc};
+use isv_baseline::{
+    CodedPoints, Gltfpack, Lattice, ProgramError, Tmc2, Tmc13, Tmc13Geometry, ToolError, Tools, Vdmc, Voxels,
+};
 use isv_spatial::Bvh;
 use isv_testkit::{Need, skip};
 use isv_volume::TriangleMesh;
@@ -38,7 +40,8 @@ fn tmc13(script: &str) -> (TempDir, Tmc13) {
 }
 
 fn encode(tmc13: &Tmc13) -> Result<Vec<u8>, ToolError> {
-    Ok(tmc13.encode(&[[0, 0, 0], [1, 0, 0]], Tmc13Geometry::Octree)?.output)
+    let voxels = Voxels { places: vec![[0, 0, 0], [1, 0, 0]], colours: Vec::new() };
+    Ok(tmc13.encode(&voxels, Tmc13Geometry::Octree, 28)?.output.bytes)
 }
 
 #[test]
@@ -114,13 +117,37 @@ fn an_octree_comes_back_without_loss() {
     // Coordinates below zero too.
     lattice.origin += 0.25;
     let voxels = lattice.voxels(&mesh).unwrap();
-    let encoded = tmc13.encode(&voxels, Tmc13Geometry::Octree).unwrap();
+    let encoded = tmc13.encode(&voxels, Tmc13Geometry::Octree, 28).unwrap();
     assert!(encoded.command.starts_with("tmc3 --mode=0"), "{}", encoded.command);
-    assert!(encoded.output.len() < voxels.len() / 2, "{} bytes", encoded.output.len());
-    let decoded = tmc13.decode(&encoded.output).unwrap().output;
+    let CodedPoints { bytes, colour_bytes } = encoded.output;
+    assert!(bytes.len() < voxels.places.len() / 2, "{} bytes", bytes.len());
+    assert_eq!(colour_bytes, 0);
+    let decoded = tmc13.decode(&bytes).unwrap().output;
     let mut back: Vec<_> = decoded.positions.iter().map(|p| p.to_array().map(|x| x as i32)).collect();
     back.sort_unstable();
-    assert_eq!(back, voxels);
+    assert_eq!(back, voxels.places);
+}
+
+#[test]
+fn colours_of_points_come_back_the_better_the_smaller_their_steps() {
+    let Some(tmc13) = installed("tmc3", Tmc13::find(&Tools::default())) else { return };
+    let (mesh, lattice) = sphere();
+    let mut voxels = lattice.voxels(&mesh).unwrap();
+    let colour_at =
+        |[x, y, z]: [i32; 3]| [x, y, z].map(|at| (128.0 + 100.0 * (f64::from(at) * 0.2).sin()) as u8);
+    voxels.colours = voxels.places.iter().map(|place| colour_at(*place)).collect();
+    let errors = [22, 40].map(|qp| {
+        let coded = tmc13.encode(&voxels, Tmc13Geometry::Octree, qp).unwrap().output;
+        assert!((1..coded.bytes.len() as u64).contains(&coded.colour_bytes), "{} bytes", coded.colour_bytes);
+        let decoded = tmc13.decode(&coded.bytes).unwrap().output;
+        let squares = decoded.positions.iter().zip(&decoded.colours).map(|(position, colour)| {
+            let expected = colour_at(position.to_array().map(|x| x as i32));
+            expected.iter().zip(colour).map(|(a, b)| f64::from(a.abs_diff(*b)).powi(2)).sum::<f64>()
+        });
+        (coded.colour_bytes, squares.sum::<f64>() / (3 * decoded.positions.len()) as f64)
+    });
+    assert!(errors[0].0 > 2 * errors[1].0 && 4.0 * errors[0].1 < errors[1].1, "{errors:?}");
+    assert!(errors[0].1 < 10.0, "{errors:?}");
 }
 
 #[test]
@@ -130,7 +157,8 @@ fn trisoup_comes_back_near_the_surface() {
     let voxels = lattice.voxels(&mesh).unwrap();
     let surface = Bvh::new(&mesh);
     let bytes = [2, 3].map(|node_size_log2| {
-        let encoded = tmc13.encode(&voxels, Tmc13Geometry::Trisoup { node_size_log2 }).unwrap().output;
+        let geometry = Tmc13Geometry::Trisoup { node_size_log2 };
+        let encoded = tmc13.encode(&voxels, geometry, 28).unwrap().output.bytes;
         let decoded = lattice.placed(tmc13.decode(&encoded).unwrap().output);
         let farthest = decoded.positions.iter().map(|p| surface.distance(*p)).fold(0.0, f64::max);
         assert!(farthest < 3.0 * lattice.step_m, "{farthest} m");
@@ -171,8 +199,14 @@ fn keeper(programs: [(&str, &str); 2], configuration: Option<&str>) -> (TempDir,
 }
 
 const TMC2: [(&str, &str); 2] = [
-    ("PccAppEncoder", "echo PccAppEncoder v24.0; cp points_0000.ply take.bin"),
-    ("PccAppDecoder", "cp take.bin decoded_0000.ply"),
+    // A unit of attributes, with its size in a byte before it: the first frame.
+    (
+        "PccAppEncoder",
+        "echo PccAppEncoder v24.0; [ -f points_0000.ply ] || exit
+         size=$(($(wc -c <points_0000.ply) + 1))
+         { printf '\\040\\'$(printf %03o $((size >> 8)))'\\'$(printf %03o $((size & 255)))'\\040'; cat points_0000.ply; } >take.bin",
+    ),
+    ("PccAppDecoder", "tail -c +5 take.bin >decoded_0000.ply"),
 ];
 
 const VDMC: [(&str, &str); 2] = [
@@ -185,12 +219,21 @@ fn whole_takes_go_through_the_programs_of_v_pcc() {
     let (_folder, tools) = keeper(TMC2, Some("common/ctc-common.cfg"));
     let tmc2 = Tmc2::find(&tools).unwrap().unwrap();
     assert_eq!(tmc2.version().note("PccAppEncoder"), None);
-    let encoded = tmc2.encode(&[vec![[1, 2, 3], [4, 5, 6]]], 10, 3).unwrap();
+    let colours = vec![[9, 8, 7], [6, 5, 4]];
+    let voxels = Voxels { places: vec![[1, 2, 3], [4, 5, 6]], colours: colours.clone() };
+    let encoded = tmc2.encode(std::slice::from_ref(&voxels), 10, 3).unwrap();
     assert!(encoded.command.contains("--config=CFG/rate/ctc-r3.cfg"), "{}", encoded.command);
-    let decoded = tmc2.decode(&encoded.output, 1).unwrap().output;
+    assert!(encoded.command.contains("--noAttributes=0"), "{}", encoded.command);
+    let CodedPoints { bytes, colour_bytes } = encoded.output;
+    assert_eq!(colour_bytes, bytes.len() as u64 - 1);
+    let decoded = tmc2.decode(&bytes, 1).unwrap().output;
     assert_eq!(decoded[0].positions, [[1.0, 2.0, 3.0].into(), [4.0, 5.0, 6.0].into()]);
+    assert_eq!(decoded[0].colours, colours);
+    // Without colours of all frames none are coded.
+    let plain = tmc2.encode(&[voxels.clone(), Voxels { colours: Vec::new(), ..voxels }], 10, 3).unwrap();
+    assert!(plain.command.contains("--noAttributes=1"), "{}", plain.command);
     // A frame that does not come back.
-    let error = tmc2.decode(&encoded.output, 2).unwrap_err();
+    let error = tmc2.decode(&bytes, 2).unwrap_err();
     assert!(error.to_string().contains("wrote no file"), "{error}");
 }
 

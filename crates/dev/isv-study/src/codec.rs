@@ -167,6 +167,13 @@ const POINT_BITS_BEYOND_A_VOXEL: i32 = 2;
 /// Nodes of trisoup: bits beyond those of [`POINT_BITS_BEYOND_A_VOXEL`], and the edge of a node in voxels as a power of two.
 const NODES: [(i32, u8); POINTS] = [(1, 2), (1, 3), (1, 4), (0, 4), (0, 5)];
 
+/// Most bits of the coordinates of points.
+const MOST_POINT_BITS: i32 = 16;
+
+/// TMC13's quantization parameter of colours at its finest point; a next coarser point has one more by a doubling of the step.
+const FINEST_COLOUR_QP: u8 = 22;
+const COLOUR_QP_STEP: u8 = 6;
+
 impl Codec {
     /// All of them, in the order of legends and tables.
     pub const ALL: [Self; 23] = [
@@ -265,15 +272,15 @@ impl Codec {
                 format!("quadric simplification to {faces_percent} % of the faces, then gltfpack and gzip, every frame alone")
             }
             Self::Tmc13(PointGeometry::Octree) => {
-                "MPEG G-PCC (TMC13), octree: the voxels that the surface passes through, coded without loss, every frame alone"
+                "MPEG G-PCC (TMC13), octree: the voxels that the surface passes through, coded without loss, and their colours by RAHT, every frame alone"
                     .to_owned()
             }
             Self::Tmc13(PointGeometry::Trisoup) => {
-                "MPEG G-PCC (TMC13), trisoup: the voxels that the surface passes through as triangles in nodes, every frame alone"
+                "MPEG G-PCC (TMC13), trisoup: the voxels that the surface passes through as triangles in nodes, and their colours by RAHT, every frame alone"
                     .to_owned()
             }
             Self::Tmc2 => {
-                "MPEG V-PCC (TMC2), random access: the voxels that the surface passes through as HEVC video, whole takes".to_owned()
+                "MPEG V-PCC (TMC2), random access: the voxels that the surface passes through, and their colours, as HEVC video, whole takes".to_owned()
             }
             Self::Vdmc => "MPEG V-DMC, all intra: a base mesh and displacements as HEVC video, whole takes".to_owned(),
         }
@@ -290,6 +297,19 @@ impl Codec {
         // At the ends of a codec's range, several may be the same.
         points.dedup();
         points
+    }
+
+    /// Quantization parameter of TMC13 for the colours at a point of its own: the finer the geometry, the finer the colours, as MPEG's test
+    /// conditions pair them.
+    pub(crate) fn colour_qp(scale: Scale, point: OperatingPoint) -> u8 {
+        let steps_to_finest = match point {
+            OperatingPoint::Nodes { size_log2, .. } => size_log2.saturating_sub(NODES[0].1),
+            OperatingPoint::PositionBits(bits) => {
+                scale.bits(BITS_BEYOND_A_VOXEL[0], MOST_POINT_BITS).saturating_sub(bits)
+            }
+            _ => 0,
+        };
+        FINEST_COLOUR_QP + COLOUR_QP_STEP * steps_to_finest
     }
 
     fn point(self, scale: Scale, i: usize) -> OperatingPoint {
@@ -314,11 +334,12 @@ impl Codec {
             },
             Self::Gltfpack { .. } => OperatingPoint::PositionBits(scale.bits(BITS_BEYOND_A_VOXEL[i], 16)),
             Self::Tmc13(PointGeometry::Octree) => {
-                OperatingPoint::PositionBits(scale.bits(BITS_BEYOND_A_VOXEL[i], 16))
+                OperatingPoint::PositionBits(scale.bits(BITS_BEYOND_A_VOXEL[i], MOST_POINT_BITS))
             }
             Self::Tmc13(PointGeometry::Trisoup) => {
                 let (beyond, size_log2) = NODES[i];
-                OperatingPoint::Nodes { bits: scale.bits(POINT_BITS_BEYOND_A_VOXEL + beyond, 16), size_log2 }
+                let bits = scale.bits(POINT_BITS_BEYOND_A_VOXEL + beyond, MOST_POINT_BITS);
+                OperatingPoint::Nodes { bits, size_log2 }
             }
             Self::Tmc2 => OperatingPoint::TestRate {
                 bits: scale.bits(POINT_BITS_BEYOND_A_VOXEL, 12),
@@ -405,6 +426,12 @@ mod tests {
         assert_eq!(names("tang-scene", 2), "k64-step2.5mm k64-step40mm");
         assert_eq!(names("draco", 3), "11-bit 9-bit 7-bit");
         assert_eq!(names("tmc13-octree", 3), "11-bit 9-bit 7-bit");
+        let qps = |codec: &str| {
+            let points = codec.parse::<Codec>().unwrap().points(PERSON, 5);
+            points.into_iter().map(|point| Codec::colour_qp(PERSON, point)).collect::<Vec<_>>()
+        };
+        assert_eq!(qps("tmc13-octree"), [22, 28, 34, 40, 46]);
+        assert_eq!(qps("tmc13-trisoup"), [22, 28, 34, 34, 40]);
         let nodes = "11-bit-node4 11-bit-node8 11-bit-node16 10-bit-node16 10-bit-node32";
         assert_eq!(names("tmc13-trisoup", 5), nodes);
         assert_eq!(names("tmc2", 3), "10-bit-r5 10-bit-r3 10-bit-r1");

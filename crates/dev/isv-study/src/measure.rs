@@ -155,6 +155,7 @@ impl<'a> Subject<'a> {
     fn encoding(&self, point: OperatingPoint) -> Result<Box<dyn Encoding>, StudyError> {
         let settings = self.settings;
         let first = settings.first_frame;
+        let colour_qp = Codec::colour_qp(self.scale, point);
         Ok(match (self.codec, point, &self.needed) {
             (Codec::Paper(motion), OperatingPoint::Steps { coefficients, dc_step_m, ac_step_m }, _) => {
                 let (steps, rate) = ([dc_step_m, ac_step_m], self.take.frame_rate());
@@ -186,14 +187,14 @@ impl<'a> Subject<'a> {
                 Codec::Tmc13(PointGeometry::Octree),
                 OperatingPoint::PositionBits(bits),
                 Needed::Tmc13(tmc13),
-            ) => Box::new(Tmc13Encoding::new(tmc13, Tmc13Geometry::Octree, bits, first)),
+            ) => Box::new(Tmc13Encoding::new(tmc13, Tmc13Geometry::Octree, bits, colour_qp, first)),
             (
                 Codec::Tmc13(PointGeometry::Trisoup),
                 OperatingPoint::Nodes { bits, size_log2 },
                 Needed::Tmc13(tmc13),
             ) => {
                 let geometry = Tmc13Geometry::Trisoup { node_size_log2: size_log2 };
-                Box::new(Tmc13Encoding::new(tmc13, geometry, bits, first))
+                Box::new(Tmc13Encoding::new(tmc13, geometry, bits, colour_qp, first))
             }
             (Codec::Tmc2, OperatingPoint::TestRate { bits, rate }, Needed::Tmc2(tmc2)) => {
                 Box::new(Tmc2Encoding::new(tmc2, bits, rate))

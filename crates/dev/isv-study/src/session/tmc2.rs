@@ -1,12 +1,12 @@
-//! TMC2 on the voxels of all frames' surfaces.
+//! TMC2 on the voxels of all frames' surfaces, with their colours if they have any.
 
 use super::kept_frames::KeptFrames;
 use super::{DecodedFrame, EncodedFrame, Encoding, Memory, Stream, WholeTake, program_uses};
 use crate::StudyError;
 use crate::record::{BytesByKind, ProgramUse};
 use isv::raw::io::Geometry;
-use isv::raw::volume::TriangleMesh;
-use isv_baseline::{Lattice, Tmc2};
+use isv::raw::volume::{PointCloud, TriangleMesh};
+use isv_baseline::{CodedPoints, Lattice, Tmc2};
 
 pub(crate) struct Tmc2Encoding {
     tmc2: Tmc2,
@@ -38,7 +38,7 @@ impl Encoding for Tmc2Encoding {
             tmc2: self.tmc2,
             lattice,
             frames: voxels.len(),
-            bytes: run.output,
+            coded: run.output,
             command: run.command,
             encoding,
         }))
@@ -50,14 +50,18 @@ struct Tmc2Stream {
     tmc2: Tmc2,
     lattice: Lattice,
     frames: usize,
-    bytes: Vec<u8>,
+    coded: CodedPoints,
     command: String,
     encoding: WholeTake,
 }
 
 impl Stream for Tmc2Stream {
     fn bytes(&self) -> u64 {
-        Lattice::BYTES + self.bytes.len() as u64
+        Lattice::BYTES + self.coded.bytes.len() as u64
+    }
+
+    fn bytes_colour(&self) -> u64 {
+        self.coded.colour_bytes
     }
 
     fn kinds(&self) -> Option<BytesByKind> {
@@ -77,10 +81,12 @@ impl Stream for Tmc2Stream {
         &self,
         _colour: bool,
     ) -> Result<Box<dyn Iterator<Item = Result<DecodedFrame, StudyError>> + '_>, StudyError> {
-        let run = self.tmc2.decode(&self.bytes, self.frames)?;
+        let run = self.tmc2.decode(&self.coded.bytes, self.frames)?;
+        let has_colours = self.coded.colour_bytes > 0;
         let (ms, memory) = (run.ms / self.frames.max(1) as f64, Memory::OfAProgram(run.peak_memory_bytes));
         Ok(Box::new(run.output.into_iter().map(move |points| {
-            let shape = Geometry::Points(self.lattice.placed(points));
+            let colours = if has_colours { points.colours } else { Vec::new() };
+            let shape = Geometry::Points(self.lattice.placed(PointCloud { colours, ..points }));
             Ok(DecodedFrame { shape, ms, memory })
         })))
     }
