@@ -45,7 +45,7 @@ impl Image {
     /// that the middle of the first pixel lies at (0.5, 0.5). Outside the image the nearest pixel counts.
     /// sRGB values are averaged as they are.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn bilinear(&self, x: f64, y: f64) -> [f32; 3] {
         let along = |at: f64, side: u32| {
             let at = (at - 0.5).clamp(0.0, f64::from(side - 1));
@@ -55,14 +55,18 @@ impl Image {
         let ((x0, x1, fx), (y0, y1, fy)) = (along(x, self.width), along(y, self.height));
         let row = |y: usize| &self.pixels[y * self.width as usize..][..self.width as usize];
         let (upper, lower) = (row(y0), row(y1));
-        [0, 1, 2].map(|channel| {
-            let between = |row: &[Rgb]| {
-                let [a, b] = [x0, x1].map(|x| f32::from(row[x][channel]));
-                a + (b - a) * fx
-            };
-            let (a, b) = (between(upper), between(lower));
-            a + (b - a) * fy
-        })
+        let corners = [upper[x0], upper[x1], lower[x0], lower[x1]];
+        let mut colour = [0.0; 3];
+        for channel in 0..3 {
+            let mut of_corners = [0.0; 4];
+            for corner in 0..4 {
+                of_corners[corner] = f32::from(corners[corner][channel]);
+            }
+            let [a, b, c, d] = of_corners;
+            let (above, below) = (a + (b - a) * fx, c + (d - c) * fx);
+            colour[channel] = above + (below - above) * fy;
+        }
+        colour
     }
 }
 
@@ -121,26 +125,24 @@ impl Material {
     /// Colour at a texture coordinate, as sRGB of 0 to 255 a channel. `u` goes right and `v` down from the image's upper left corner.
     /// A coordinate that is not finite gives the base colour.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn colour(&self, [u, v]: [f32; 2]) -> [f32; 3] {
-        let image = self.texture.as_ref().filter(|_| u.is_finite() && v.is_finite());
-        let texel = image.map(|image| {
-            let [u, v] = [self.wrap[0].place(f64::from(u)), self.wrap[1].place(f64::from(v))];
-            image.bilinear(u * f64::from(image.width()), v * f64::from(image.height()))
-        });
-        match texel {
-            Some(texel) if self.base_colour == [1.0; 3] => texel,
-            texel => {
-                let texel = texel.unwrap_or([255.0; 3]);
-                [0, 1, 2].map(|channel| tinted(texel[channel], self.base_colour[channel]))
+        let texel = match &self.texture {
+            Some(image) if u.is_finite() && v.is_finite() => {
+                let (u, v) = (self.wrap[0].place(f64::from(u)), self.wrap[1].place(f64::from(v)));
+                image.bilinear(u * f64::from(image.width()), v * f64::from(image.height()))
             }
-        }
+            _ => [255.0; 3],
+        };
+        if self.base_colour == [1.0; 3] { texel } else { tinted(texel, self.base_colour) }
     }
 }
 
-/// An sRGB value of 0 to 255 times a linear factor.
-fn tinted(value: f32, factor: f32) -> f32 {
-    255.0 * srgb_from_linear(linear_from_srgb(value / 255.0) * factor)
+/// Multiplies sRGB values of 0 to 255 with linear factors.
+#[inline(never)]
+fn tinted(colour: [f32; 3], factors: [f32; 3]) -> [f32; 3] {
+    let tint = |value: f32, factor: f32| 255.0 * srgb_from_linear(linear_from_srgb(value / 255.0) * factor);
+    [0, 1, 2].map(|channel| tint(colour[channel], factors[channel]))
 }
 
 /// Linear light of an sRGB value, both `0 ..= 1` (IEC 61966-2-1).
@@ -271,23 +273,39 @@ impl Appearance {
     /// # Panics
     /// If the appearance does not fit the mesh ([`Self::validate`]).
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn colour(&self, face: usize, triangle: [u32; 3], weights: [f32; 3]) -> [f32; 3] {
         let material = self.face_materials.get(face).map_or(0, |m| usize::from(*m));
-        let of_material = self.materials.get(material).map(|material| {
-            let corners = self.texture_coordinates.get(face).copied().unwrap_or([[f32::NAN; 2]; 3]);
-            material.colour([0, 1].map(|axis| (0..3).map(|i| weights[i] * corners[i][axis]).sum()))
-        });
-        let of_vertices = (!self.vertex_colours.is_empty()).then(|| {
-            let corners = triangle.map(|vertex| self.vertex_colours[vertex as usize]);
-            [0, 1, 2].map(|channel| (0..3).map(|i| weights[i] * f32::from(corners[i][channel])).sum())
-        });
-        match (of_material, of_vertices) {
-            (Some(material), Some(vertices)) if vertices != [255.0; 3] => [0, 1, 2]
-                .map(|channel| tinted(material[channel], linear_from_srgb(vertices[channel] / 255.0))),
-            (Some(colour), _) | (None, Some(colour)) => colour,
-            (None, None) => [255.0; 3],
+        let of_material = match self.materials.get(material) {
+            Some(material) => {
+                let corners = self.texture_coordinates.get(face).copied().unwrap_or([[f32::NAN; 2]; 3]);
+                let mut at = [0.0; 2];
+                for corner in 0..3 {
+                    at[0] += weights[corner] * corners[corner][0];
+                    at[1] += weights[corner] * corners[corner][1];
+                }
+                Some(material.colour(at))
+            }
+            None => None,
+        };
+        if self.vertex_colours.is_empty() {
+            return of_material.unwrap_or([255.0; 3]);
         }
+        let of_vertices = self.vertex_colour(triangle, weights);
+        match of_material {
+            Some(material) if of_vertices != [255.0; 3] => {
+                tinted(material, of_vertices.map(|value| linear_from_srgb(value / 255.0)))
+            }
+            Some(material) => material,
+            None => of_vertices,
+        }
+    }
+
+    /// Colour between the vertices of a triangle, of which each has one.
+    #[inline(never)]
+    fn vertex_colour(&self, triangle: [u32; 3], weights: [f32; 3]) -> [f32; 3] {
+        let corners = triangle.map(|vertex| self.vertex_colours[vertex as usize]);
+        [0, 1, 2].map(|channel| (0..3).map(|i| weights[i] * f32::from(corners[i][channel])).sum())
     }
 }
 
