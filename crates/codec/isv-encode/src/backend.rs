@@ -6,8 +6,8 @@
 //!                      └────────────────────────────────────────────────────────────────────────────┘
 //! ```
 //!
-//! In profile `main` what a block costs depends on all blocks before it, and is found on the CPU with the symbols; what does not is
-//! where the frame before has its surface ([`SearchBackend`]).
+//! In profile `main` the cost of a block depends on all blocks before it. The CPU finds it together with the symbols. Where the
+//! frame before has a block's surface does not depend on them: a [`SearchBackend`] can find that.
 
 mod cpu;
 
@@ -52,8 +52,8 @@ pub trait EncodeBackend: Backend {
         before: &Self::Paper,
     ) -> Result<Vec<MotionVector>, BackendError>;
 
-    /// Codes a source under the prediction and the motion of its symbols: fills in their levels (Sec. 3.3, Eq. 10) and returns
-    /// the frame that they give (Eq. 11), as [`Backend::reconstruct_paper`] makes it of the same symbols.
+    /// Codes a source under the prediction and the motion of its symbols. Fills in their levels (Sec. 3.3, Eq. 10) and returns the
+    /// frame that they give (Eq. 11). [`Backend::reconstruct_paper`] makes the same frame of the same symbols.
     ///
     /// # Errors
     /// See [`BackendError`].

@@ -14,9 +14,9 @@ use isv_volume::SparseVolume;
 /// samples in profile `paper`, and the search for motion in profile `main`.
 #[derive(Debug)]
 pub enum FrameCoder<P: EncodeBackend, M: SearchBackend> {
-    /// Of profile `paper`.
+    /// Coder of profile `paper`.
     Paper(Box<PaperCoder<P>>),
-    /// Of profile `main`, whose choices depend on what models have learned: it writes by itself.
+    /// Encoder of profile `main`, whose choices depend on what models have learned: it writes by itself.
     Main(Box<MainEncoder<M>>),
 }
 

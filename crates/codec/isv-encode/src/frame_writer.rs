@@ -16,7 +16,7 @@ pub struct UnwrittenFrame(Content);
 #[derive(Debug)]
 enum Content {
     Symbols(Box<PaperSymbols>),
-    /// Where symbols cannot be told from their bytes: choices of profile `main` depend on what models have learned.
+    /// Bytes of a frame of profile `main`. Its symbols cannot be told from their bytes: choices depend on what models have learned.
     Bytes(EncodedFrame),
 }
 
@@ -29,7 +29,7 @@ pub(crate) struct PaperSymbols {
     pub(crate) coefficients: usize,
     pub(crate) slices: u16,
     pub(crate) symbols: FrameSymbols,
-    /// Of the decoded frame, where the stream is to state it.
+    /// Hash of the decoded frame, where the stream is to state it.
     pub(crate) volume_hash: Option<u64>,
 }
 

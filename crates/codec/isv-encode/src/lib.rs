@@ -6,12 +6,12 @@
 //!                     └────────────────────────────────────────────────────────────────────────────────────┘
 //! ```
 //!
-//! [`Encoder`] is the whole of it, on the CPU. In profile `paper` all but the syntax is an [`EncodeBackend`]'s, and
-//! [`PaperCoder`] takes any; in profile `main` the search for motion can be a [`SearchBackend`]'s, and [`MainEncoder`] takes
-//! any. [`FrameCoder`] is either of them; what it leaves to a [`FrameWriter`], the syntax of profile `paper`, can be done while the
-//! next frame is coded. Prediction and reconstruction are `isv-decode`'s own (Eq. 11); what is here are the
-//! choices, which may use floating point, and the writing side of the syntax. The same volumes and settings give the same
-//! bytes on any number of threads.
+//! [`Encoder`] is the whole of it, on the CPU. In profile `paper` an [`EncodeBackend`] does all but the syntax, and [`PaperCoder`]
+//! takes any. In profile `main` a [`SearchBackend`] can search for motion, and [`MainEncoder`] takes any. [`FrameCoder`] is either
+//! of them. It leaves the syntax of profile `paper` to a [`FrameWriter`], which can write while the next frame is coded.
+//!
+//! Prediction and reconstruction are `isv-decode`'s own (Eq. 11). This crate makes the choices, which may use floating point, and
+//! writes the syntax. The same volumes and settings give the same bytes on any number of threads.
 //!
 //! `main` is the product's profile, `paper` the one that it is measured against. Files of the same names have the same steps. What both
 //! have is in `shared`.

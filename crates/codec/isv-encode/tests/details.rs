@@ -9,7 +9,7 @@ use isv_testkit::still_and_moving_ball;
 use isv_volume::SparseVolume;
 use support::{ball, encode, header, main_header, packets};
 
-/// Of each frame, the details, the decoded blocks, and the bits of the segments that they tell of.
+/// Details of each frame, its decoded blocks, and the bits of the segments that the details tell of.
 fn details(
     header: &StreamHeader,
     settings: EncoderSettings,

@@ -30,8 +30,8 @@ fn decode(bytes: &[u8], lod: Lod) -> Vec<SparseVolume> {
     volumes
 }
 
-/// Sums and numbers of the observed samples of a full decode within each voxel of a reduced one, in blocks and voxels of
-/// that: `(sum, observed)`, `None` for a block that the full decode has nothing of.
+/// Sum of the samples of a full decode within each voxel of a reduced one, and how many of them are observed: `(sum, observed)`.
+/// The order is that of the reduced volume's blocks and voxels.
 fn sums(full: &SparseVolume, reduced: &SparseVolume, lod: Lod) -> Vec<(i32, usize)> {
     let (n, size) = (full.grid().edge.voxels(), lod.voxels() as i32);
     let index = reduced.index();

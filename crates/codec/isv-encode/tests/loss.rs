@@ -184,7 +184,8 @@ fn what_is_said_to_be_exact_is_whatever_the_filter_and_the_prediction_of_spatial
     }
 }
 
-/// A ball that moves evenly, and a frame of it that is lost: behind that it is nearer to where it should be than the last one before.
+/// A ball that moves evenly, and a frame of it that is lost. The frame behind the loss is nearer to where it should be than the
+/// last one before.
 #[test]
 fn what_is_not_exact_yet_is_near() {
     let (packets, whole) = stream();

@@ -150,7 +150,7 @@ fn masks_reach_the_decoder_and_cover_only_what_was_unobserved() {
     }
 }
 
-/// Faces on voxel centres, at the first and at the last plane of blocks: what lies beyond is not crossed, and its side must not be
+/// Faces on voxel centres, at the first and at the last plane of blocks. What lies beyond is not crossed, and its side must not be
 /// left to the rounding of samples that are 0.
 #[test]
 fn flat_faces_on_voxel_centres_have_no_holes() {

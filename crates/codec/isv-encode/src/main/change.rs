@@ -8,8 +8,8 @@ use std::cmp::Ordering;
 /// Blocks that a thread compares at a time.
 const BLOCKS_AT_ONCE: usize = 4096;
 
-/// The blocks of a reference in cells of 4x4x4 blocks that may stay as they are: nothing of the source changed in the cell or
-/// beside it since the frame before, which the reference is of.
+/// Blocks of a reference in cells of 4x4x4 blocks that may stay as they are (skip cells). Nothing of the source changed in such a
+/// cell or beside it since the frame before, which the reference is of.
 pub(crate) fn skippable_blocks(
     before: &SparseVolume,
     source: &SparseVolume,

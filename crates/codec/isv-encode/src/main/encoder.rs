@@ -58,7 +58,7 @@ pub struct MainEncoder<B> {
     /// Samples of the frame before the last, for their memory.
     spare: Vec<i16>,
     rate: RateControl,
-    /// Of the last keyframe.
+    /// Bytes a block of the last keyframe.
     keyframe_bytes_per_block: f64,
     /// Bytes a block of the last frame, if that was predicted.
     predicted_bytes_per_block: Option<f64>,
@@ -74,7 +74,7 @@ struct Source<'a> {
     targets: &'a Targets<'a>,
     /// Blocks of the reference in cells that stay as they are.
     skipped: &'a BlockSet,
-    /// Of its blocks, if they were searched for all at once.
+    /// Shifts of its blocks, if they were searched for all at once.
     shifts: Option<&'a [BlockShifts]>,
 }
 
@@ -119,14 +119,14 @@ impl State {
     }
 }
 
-/// A frame is also tried as a keyframe if more than this share of its blocks is predicted from neighbours, or if its blocks take
-/// more than this share of the bytes that those of the last keyframe took and it is unlike the frame before.
+/// Share of blocks predicted from neighbours above which a frame is also tried as a keyframe.
 const CUT_SPATIAL_SHARE: f64 = 0.5;
+/// Share of the last keyframe's bytes a block above which a frame is also tried as a keyframe, if it is unlike the frame before.
 const CUT_BYTES_SHARE: f64 = 0.7;
 /// Cost of a keyframe over that of the predicted frame, up to which a frame unlike those before becomes one: decoding can begin there.
 const CUT_BONUS: f32 = 1.25;
-/// A frame is unlike those before if its blocks take more than this many times the bytes that those of the last frame took, given that
-/// one was predicted. What moves too fast to be predicted well, as cloth in the wind, does so in every frame, and is not cut.
+/// Ratio of a frame's bytes a block to those of the last frame, above which it is unlike those before. The last frame must have
+/// been predicted. What moves too fast to be predicted well, as cloth in the wind, does so in every frame, and is not cut.
 const UNLIKE: f64 = 1.25;
 /// What stands still is coded again with a step of less than this share of the one that it was coded with.
 const FINER_STEP_SHARE: f64 = 0.75;
@@ -440,8 +440,8 @@ impl<B: SearchBackend> MainEncoder<B> {
         known.unwrap_or_else(|| ExactBlocks::none(reference.volume().coords().len()))
     }
 
-    /// The fields of a frame's header. In a resilient one blocks are not predicted from their neighbours: where those are not exact yet,
-    /// each would carry the fault on to the next, and make it larger.
+    /// The fields of a frame's header. In a resilient frame blocks are not predicted from their neighbours. Where those are not
+    /// exact yet, each block would carry the fault on to the next, and make it larger.
     fn frame_header(&self, quality: FrameQuality, kind: FrameKind) -> MainFrameHeader {
         let (filter, filter_limit) = self.settings.filter;
         let filter = if self.filters() { filter } else { 0 };
@@ -456,8 +456,8 @@ impl<B: SearchBackend> MainEncoder<B> {
         }
     }
 
-    /// The frame's header and decoded volume under the settings' filter, or if it is to be searched for, under the one with the
-    /// least weighted error.
+    /// The frame's header and decoded volume under the settings' filter. If the filter is to be searched for, the one with the
+    /// least weighted error is taken.
     fn filter(
         &self,
         targets: &Targets,

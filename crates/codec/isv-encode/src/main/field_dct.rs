@@ -16,7 +16,7 @@ pub(crate) const SCALES: [f32; 8] = [0.353_553_4, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 
 struct Axis {
     /// Their values, `[frequency][place]`.
     values: Matrix,
-    /// The same, `[place][frequency]`.
+    /// Transpose of `values`, `[place][frequency]`.
     transposed: Matrix,
 }
 
@@ -122,7 +122,7 @@ fn row_mut(field: &mut Field, row: usize) -> &mut [f32; 8] {
     (&mut field[8 * row..8 * row + 8]).try_into().expect("a row")
 }
 
-/// Eight rows along an axis, folded: cosines of even frequencies are the same from both ends and those of odd ones opposite, so
+/// Eight rows along an axis, folded. Cosines of even frequencies are the same from both ends, and those of odd ones opposite. So
 /// half of the products are enough.
 struct Halves<S: Simd> {
     sums: [f32x8<S>; 4],
@@ -130,7 +130,7 @@ struct Halves<S: Simd> {
 }
 
 impl<S: Simd> Halves<S> {
-    /// Of the rows 0 to 7.
+    /// Folds the rows 0 to 7.
     #[inline(always)]
     fn new(simd: S, row: impl Fn(usize) -> f32x8<S>) -> Self {
         let zero = [f32x8::splat(simd, 0.0); 4];

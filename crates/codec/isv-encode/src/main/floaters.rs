@@ -1,7 +1,7 @@
 //! Pieces of the decoded surface that float where the source has none.
 //!
-//! Where the source was not observed, and beyond its band, samples are whatever is cheap, and a block that was extrapolated has
-//! the sign that its neighbours vote for: cells may be crossed there that nobody asked for. As masks come after the samples, an
+//! Samples are whatever is cheap where the source was not observed, and beyond its band. A block that was extrapolated has the sign
+//! that its neighbours vote for. So crossed cells may appear there that nobody asked for. As masks come after the samples, an
 //! encoder that looks at what will be decoded can take such cells out.
 
 use super::target::{Bits, Targets};
@@ -13,10 +13,10 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
-/// Voxels that a decoded surface may be beside what it is to be without being taken for floaters, and in a block that is kept of the frame
-/// before, how near the source's surface vouches for it, in codes. What a coarse step moved further still hangs together with cells
-/// that are vouched for.
+/// Distance (voxels) up to which a decoded surface beside the wanted one is not taken for floaters. What a coarse step moved
+/// further still hangs together with cells that are vouched for.
 const BESIDE: usize = 1;
+/// Distance (codes) up to which the source's surface vouches for the decoded one, in a block that is kept of the frame before.
 const NEAR: i16 = CODES_PER_VOXEL as i16;
 
 /// Voxels whose masks take out the crossed cells that hang together, face to face, with none where the source's surface is. By block
@@ -102,7 +102,7 @@ fn dilated(voxels: &Bits) -> Bits {
 struct Crossed<'a> {
     /// By block of the extended volume, in order.
     cells: &'a [(u32, VoxelMask)],
-    /// Those of each of these blocks that hang together with none that is vouched for.
+    /// Cells of each of these blocks that hang together with none that is vouched for.
     stranded: Vec<Bits>,
     extended: &'a DecodedBlocks,
     /// For each block of the extended volume, whether its masks are of this frame.

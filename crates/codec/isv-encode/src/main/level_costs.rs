@@ -63,14 +63,14 @@ impl LevelCosts {
         costs
     }
 
-    /// The same, but for the bits of a block's number of levels.
+    /// Replaces the bits of a block's number of levels.
     pub(crate) fn with_counts(mut self, count: [f32; COUNTS]) -> Self {
         self.count = count;
         self.summarize();
         self
     }
 
-    /// The same, but for the bits that a level at each place takes more than none, its sign and magnitude left out.
+    /// Replaces the bits that a level at each place takes more than none, its sign and magnitude left out.
     pub(crate) fn with_places(mut self, bits: [f32; COEFFICIENTS]) -> Self {
         self.place = bits.map(|bits| bits.max(LEAST_PLACE_BITS) + SIGN_BITS);
         self.summarize();

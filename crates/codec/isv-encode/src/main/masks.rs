@@ -8,9 +8,11 @@ use isv_decode::main::extension::{DecodedBlocks, FrameBlocks};
 use isv_volume::{BlockEdge, NeighbourFinder, VoxelMask};
 use std::collections::BTreeMap;
 
-/// The voxels in cells that the decoded surface crosses which the source has not observed, does not have, or has on the other side of the
-/// surface than a block that was extrapolated; and those of floaters, of which the full band keeps what was observed: by index in the
-/// extended volume, for its unsettled blocks.
+/// Voxels to be masked in a decoded frame, by index in the extended volume, for its unsettled blocks.
+///
+/// - Corners of crossed cells that the source has not observed or does not have.
+/// - Corners of crossed cells in a block that was extrapolated, if the source has them on the other side of the surface.
+/// - Voxels of floaters; with the full band, those that were observed are kept.
 ///
 /// `crossed`: the corners of crossed cells in these; asked for only if the source is not wholly observed.
 pub(crate) fn wanted_masks<'a>(

@@ -6,8 +6,8 @@ use isv_decode::main::{MainReference, Vector};
 use isv_volume::BlockCoord;
 use std::ops::Range;
 
-/// Displacements in voxels, x first, at which the frame before may have a block's surface: what was found for the block itself, and
-/// for the cubes of 2^3 and of 4^3 blocks that it is in.
+/// Displacements in voxels, x first, at which the frame before may have a block's surface. They were found for the block itself,
+/// and for the cubes of 2^3 and of 4^3 blocks that it is in.
 pub type BlockShifts = [[f32; 3]; 3];
 
 /// The blocks of a frame that are to be coded, as a [`SearchBackend`](crate::SearchBackend) is told of them. They are of 8 voxels
@@ -23,7 +23,7 @@ impl<'a> MotionQuery<'a> {
         Self { before, targets }
     }
 
-    /// Where the blocks are.
+    /// Coordinates of the blocks.
     #[must_use]
     pub fn coords(&self) -> &[BlockCoord] {
         self.targets.coords()
@@ -35,8 +35,8 @@ impl<'a> MotionQuery<'a> {
         self.targets.samples(block)
     }
 
-    /// The voxels of a block at the ends of edges that the surface crosses, whose errors have a weight of 1: a word a z, a byte a y,
-    /// a bit an x.
+    /// The voxels of a block at the ends of edges that the surface crosses, whose errors have a weight of 1. A word is a z, a byte
+    /// a y, a bit an x.
     #[must_use]
     pub fn crossed(&self, block: usize) -> &[u64; 8] {
         self.targets.crossed(block)

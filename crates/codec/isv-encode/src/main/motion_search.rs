@@ -1,5 +1,5 @@
-//! Where the frame before has a block's surface: damped Gauss-Newton on the voxels near the surface, for single blocks and for
-//! the cubes of 2^3 and 4^3 blocks that they are in, whose shifts are the starting points.
+//! Search for each block's surface in the frame before: damped Gauss-Newton on the voxels near the surface. It runs for single
+//! blocks and for the cubes of 2^3 and 4^3 blocks that they are in, whose shifts are the starting points.
 //!
 //! All of it is the encoder's choice, in floating point; units are voxels.
 
@@ -19,7 +19,7 @@ use std::sync::OnceLock;
 
 /// Cubes whose blocks are searched together, as base-2 logarithms of their edge in blocks: large ones first.
 pub(super) const CUBES: [u32; 2] = [2, 1];
-/// Of cubes one row of voxels in so many is looked at, each a power of two.
+/// Stride over the rows of voxels of cubes, large ones first: one row in so many is looked at. Each is a power of two.
 const CUBE_ROWS: [usize; 2] = [4, 2];
 /// Largest step, in voxels.
 const LONGEST_STEP: f32 = 2.0;
@@ -220,7 +220,7 @@ pub(crate) struct CubeSearch<'a> {
 /// The cubes of one size.
 #[derive(Debug)]
 struct Cubes {
-    /// Of their blocks, one row of voxels in so many is looked at.
+    /// Stride over the rows of voxels of their blocks: one row in so many is looked at.
     every: usize,
     /// The blocks of each.
     blocks: Vec<Range<usize>>,
@@ -287,7 +287,7 @@ impl<'a> CubeSearch<'a> {
         })
     }
 
-    /// Where the search of a cube starts: no motion, that of larger cubes, and those of the frame before.
+    /// Starting points of a cube's search: no motion, the shifts of larger cubes, and those of the frame before.
     fn seeds(&self, size: usize, blocks: Range<usize>, scratch: &mut CubeScratch<'a>) -> Vec<Shift> {
         let mut seeds = vec![[0.0; 3]];
         let mut add = |seed: Shift| {

@@ -12,8 +12,8 @@ pub enum Preset {
     Realtime,
     /// What serves most.
     Balanced,
-    /// As small as it gets: levels are searched far and wide, and more vectors and filters are tried. Ten times the work of
-    /// [`Self::Balanced`] for about a tenth fewer bits at the same error; at the same quality, the error is less.
+    /// Smallest size: levels are searched far and wide, and more vectors and filters are tried. It takes ten times the work of
+    /// [`Self::Balanced`] for about a tenth fewer bits at the same error. At the same quality, the error is less.
     Archive,
 }
 

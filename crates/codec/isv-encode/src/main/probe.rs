@@ -1,5 +1,5 @@
-//! The encoder's inner loops by themselves, on the blocks of a volume of 8 voxels a block edge that follows another: for
-//! counting their instructions and for comparing instruction sets. Not a part of the interface.
+//! The encoder's inner loops by themselves, on the blocks of a volume that follows another, with 8 voxels a block edge. They serve
+//! to count instructions and to compare instruction sets. Not a part of the interface.
 //!
 //! Each function prepares its input, hands the work over to be run, once or more, and gives back the results of the last run.
 
@@ -23,7 +23,7 @@ use std::collections::BTreeMap;
 /// Step in voxels and lambda in squared steps, about those of the presets.
 const STEP: f32 = 2.2;
 const LAMBDA: f32 = 0.03;
-/// Where blocks are looked for in the volume before, in voxels: between its samples along every axis.
+/// Shift (voxels) at which blocks are looked for in the volume before: between its samples along every axis.
 const SHIFT: [f32; 3] = [0.25, -0.5, 0.75];
 
 /// Runs a piece of work.
@@ -73,8 +73,8 @@ pub fn normal_equations(
     equations
 }
 
-/// Of each block that the surface touches, the shift that is found for it by slices at their most thorough, where no neighbour's
-/// vector is known, and the one that a backend finds; each with its error.
+/// Finds two shifts of each block that the surface touches, each with its error. The first is that of slices at their most
+/// thorough, where no neighbour's vector is known. The second is that of a backend.
 ///
 /// # Errors
 /// The backend's.

@@ -1,8 +1,8 @@
-//! Levels by pursuit: from the prediction on, one level at a time is changed, the one that lowers weighted error plus lambda
-//! times bits the most, until none does.
+//! Levels by pursuit: from the prediction on, one level at a time is changed. Each change is the one that lowers weighted error
+//! plus lambda times bits the most, until none does.
 //!
-//! Under weights that only the surface has, the basis functions are far from orthogonal and many sets of levels give the same
-//! surface; rounding the coefficients of a transform would send one of the long ones.
+//! Under weights that only the surface has, the basis functions are far from orthogonal. Many sets of levels then give the same
+//! surface. Rounding the coefficients of a transform would send one of the long ones.
 //!
 //! Between changes only the slopes of the error are kept, as the inner products that a change needs are at hand
 //! ([`WeightSpectrum`]).
@@ -31,8 +31,9 @@ const LEAST_ENERGY: f32 = 1e-6;
 const SIGN_ROUNDS: usize = 5;
 /// A voxel of which only the sign matters has to stay this far from zero (or its own distance), in voxels.
 pub(super) const SIGN_MARGIN: f32 = 0.5;
-/// Where it does not, this distance (or its own) becomes its target, with this weight.
+/// Target distance (voxels), or its own if that is less, of a voxel that does not keep [`SIGN_MARGIN`].
 const SIGN_TARGET: f32 = 1.5;
+/// Weight of a voxel that does not keep [`SIGN_MARGIN`].
 const SIGN_WEIGHT: f32 = 0.3;
 
 /// What a pursuit works with.
@@ -111,8 +112,8 @@ impl Metric {
     }
 }
 
-/// The metrics that the pursuits of a block need: that of its weights, which is the same for all predictions, and that of the
-/// weights of a state whose signs were guarded.
+/// The metrics that the pursuits of a block need. One is that of the block's weights, which is the same for all predictions. The
+/// other is that of the weights of a state whose signs were guarded.
 #[derive(Clone, Debug)]
 pub(crate) struct Metrics {
     block: Metric,
@@ -121,7 +122,7 @@ pub(crate) struct Metrics {
 }
 
 impl Metrics {
-    /// Of no block.
+    /// Metrics of no block.
     pub(crate) const NONE: Self = Self { block: Metric::NONE, guarded: Metric::NONE, is_guarded: false };
 
     /// There is another block now.
@@ -442,8 +443,8 @@ impl State {
         squares.iter().sum()
     }
 
-    /// Weighted squared error in truth: of voxels of which only the sign matters, those whose sign is safe count as far ones
-    /// whether they were in danger once or not.
+    /// Weighted squared error in truth. Voxels of which only the sign matters count as far ones if their sign is safe, whether they
+    /// were in danger once or not.
     #[inline(always)]
     pub(super) fn true_error(&self, target: &BlockTarget) -> f32 {
         let mut sums = [0.0; 8];

@@ -50,7 +50,7 @@ pub(crate) struct Attempt {
     pub step: f64,
     /// Bits in the stream, everything counted.
     pub bits: f64,
-    /// As [`EncodedFrame::surface_distance_voxels`](crate::EncodedFrame); 0 where no target asks for it.
+    /// Distance as in [`EncodedFrame::surface_distance_voxels`](crate::EncodedFrame); 0 where no target asks for it.
     pub surface_distance: f64,
 }
 
@@ -80,8 +80,8 @@ impl RateControl {
         }
     }
 
-    /// The step to code the frame with anew, unless the last of its attempts, of which there is one at least, is good enough or
-    /// as good as can be.
+    /// The step to code the frame with anew; `None` if the last of its attempts is good enough or as good as can be. There is one
+    /// attempt at least.
     pub(crate) fn retry(&self, attempts: &[Attempt]) -> Option<f64> {
         match self {
             Self::Constant => None,

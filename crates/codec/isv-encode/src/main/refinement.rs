@@ -4,8 +4,8 @@
 //! of several starts:  descent ─> descent under costs near its levels ─> each level given up, descent ─> cost in truth
 //! ```
 //!
-//! Costs in truth are the models' own bits ([`ModelBits`]); descents go by tables of what one more or one less level
-//! would cost near the levels that they start from.
+//! Costs in truth are the models' own bits ([`ModelBits`]). Descents go by tables of what one more or one less level would cost
+//! near the levels that they start from.
 
 use super::level_costs::LevelCosts;
 use super::model_bits::ModelBits;

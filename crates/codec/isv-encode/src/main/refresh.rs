@@ -1,8 +1,9 @@
 //! Intra refresh: how a stream that goes through lossy channels is made whole again without keyframes.
 //!
-//! Every frame but the first is resilient (`docs/spec/format.md`, sections 7.10 and 7.13): it can be read whatever was lost before. Over
-//! a cycle of frames the volume is made exact, whatever it was: in the `n`-th of `N` frames, the first `n / N` of the blocks, in
-//! Morton order, must be. A block among these is predicted from the frame before only where that is exact already, else from nothing.
+//! Every frame but the first is resilient (`docs/spec/format.md`, sections 7.10 and 7.13): it can be read whatever was lost before.
+//! Over a cycle of frames the volume is made exact, whatever it was. In the `n`-th of `N` frames, the first `n / N` of the blocks,
+//! in Morton order, must be exact. A block among these is predicted from the frame before only where that is exact already, else
+//! from nothing.
 
 use isv_decode::main::{ExactBlocks, MainBlocks, Vector};
 use isv_volume::BlockCoord;
@@ -30,7 +31,8 @@ pub(crate) struct Refreshed<'a> {
 }
 
 impl<'a> Refreshed<'a> {
-    /// Of a frame of `blocks` blocks, which is frame `position` of a cycle of `cycle`, counted from 0.
+    /// Finds the blocks that must be exact after a frame. The frame has `blocks` blocks and is frame `position` of a cycle of
+    /// `cycle`, counted from 0.
     pub(crate) fn new(
         (position, cycle): (u32, u32),
         blocks: usize,

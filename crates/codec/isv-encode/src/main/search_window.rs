@@ -1,6 +1,6 @@
-//! The frame before around displaced blocks, as the search for motion reads it: the samples of
-//! [`TemporalPredictor::look_at`](isv_decode::main::reconstruct::TemporalPredictor::look_at), for places that lie close
-//! together and are asked for by the dozen.
+//! The frame before around displaced blocks, as the search for motion reads it. The samples are those of
+//! [`TemporalPredictor::look_at`](isv_decode::main::reconstruct::TemporalPredictor::look_at). The window serves places that lie
+//! close together and are asked for by the dozen.
 
 use isv_decode::main::MainReference;
 use isv_kernels::block8::{self, Block};
@@ -28,7 +28,7 @@ pub(super) struct SearchWindow<'a> {
     oldest: usize,
 }
 
-/// Where the window was.
+/// A place of the window, and the samples there.
 #[derive(Debug, Default)]
 struct Place {
     /// The voxel that it began at.

@@ -11,7 +11,7 @@ use isv_volume::CODES_PER_VOXEL;
 /// Which blocks are coded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Band {
-    /// Those that the surface touches. The decoder extrapolates the field beyond them.
+    /// Blocks that the surface touches. The decoder extrapolates the field beyond them.
     Surface,
     /// All of the volume's.
     Full,

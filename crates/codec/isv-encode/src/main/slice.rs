@@ -23,8 +23,8 @@ use isv_kernels::block8::{Block, SAMPLES};
 use isv_kernels::quant::Quantizer;
 use std::ops::Range;
 
-/// Lambda of vectors over lambda of levels, while candidates are compared by their prediction alone: what a better vector
-/// saves is not only error but levels.
+/// Lambda of vectors over lambda of levels, while candidates are compared by their prediction alone. A better vector saves not only
+/// error but levels.
 const VECTOR_LAMBDA: f32 = 1.5;
 
 /// With an error of so many times what the first level costs, it is hardly the case that no level pays.
@@ -43,7 +43,7 @@ pub(crate) struct FrameContext<'a> {
     pub causal: &'a CausalBlocks,
     /// The frame before, unless this one does without, and where blocks are looked for in it.
     pub reference: Option<(&'a MainReference, MotionSearch<'a>)>,
-    /// The same as far as symbols are coded in its context: not at all in resilient frames.
+    /// Blocks of the frame before in whose context symbols are coded: none in resilient frames.
     pub known: Option<MainBlocks<'a>>,
     /// Which blocks are not predicted from just anything, in resilient frames.
     pub refreshed: Option<Refreshed<'a>>,
@@ -89,7 +89,7 @@ pub(crate) struct SliceSamples<'a> {
 }
 
 impl SliceSamples<'_> {
-    /// Where in the part a block of the frame is.
+    /// Index in the part of a block of the frame.
     fn place(&self, block: usize) -> u32 {
         self.places[block] - self.first
     }
@@ -112,7 +112,7 @@ pub(crate) struct SliceEncoder<'a> {
 
 /// The block that is coded now.
 struct BlockAtHand<'a> {
-    /// Its place in the frame.
+    /// Number of the block in the frame.
     number: usize,
     /// What it is to become, if that was asked for.
     target: &'a mut BlockTarget,
@@ -286,8 +286,8 @@ impl<'a> SliceEncoder<'a> {
         }
     }
 
-    /// Shifts near which a block's vector may be: the best to merge with, and what is found from it and from those of cubes, or
-    /// was found.
+    /// Shifts near which a block's vector may be: the best one to merge with, then others. These were found for all blocks at once,
+    /// or are found from the best one and from the shifts of cubes.
     fn shifts_to_try(&mut self, block: usize, best: Shift, query: &mut SoughtBlock) -> Vec<Shift> {
         let SearchEffort { starts: most, block_steps, .. } = self.frame.effort;
         let (_, search) = self.frame.reference.as_ref().expect("temporal modes have a reference");
@@ -337,7 +337,7 @@ impl<'a> SliceEncoder<'a> {
         self.vector_cost(bits)
     }
 
-    /// The same for so many bits.
+    /// Weighted error that so many bits are worth, while modes are compared by their predictions.
     fn vector_cost(&self, bits: f32) -> f32 {
         VECTOR_LAMBDA * self.frame.pursuit.lambda * bits
     }
@@ -372,8 +372,8 @@ impl<'a> SliceEncoder<'a> {
         if spatial.cost < temporal.cost { spatial } else { temporal }
     }
 
-    /// Whether a temporal prediction costs so little that the spatial one is not tried: no more than the spatial one would with nothing
-    /// left to correct, or than [`SearchEffort`] calls good enough.
+    /// Whether a temporal prediction costs so little that the spatial one is not tried. It costs no more than the spatial one would
+    /// with nothing left to correct, or than [`SearchEffort`] calls good enough.
     fn is_spatial_hopeless(&mut self, temporal_cost: f32, context: Option<&ModeContext>) -> bool {
         let mode_bits = context.map_or(0.0, |context| self.mode_bits(BlockMode::Spatial, context));
         let SearchEffort { spatial_from, spatial_bits_share, .. } = self.frame.effort;
@@ -404,8 +404,9 @@ impl<'a> SliceEncoder<'a> {
         Trial { mode, prediction, pursued, cost }
     }
 
-    /// What a pursuit comes to that is over before it begins, which is seen from the prediction's error alone. Nothing where it is not,
-    /// nor where `error`, which is about that, is so large that some level surely pays: the pursuit finds out by itself.
+    /// Result of a pursuit that is over before it begins, as the prediction's error alone shows. `None` where the pursuit has to
+    /// find out by itself. `error`: about that of the prediction, or less. `None` also where it is so large that some level surely
+    /// pays.
     fn no_levels(&self, block: usize, mode: BlockMode, prediction: &Block, error: f32) -> Option<Pursued> {
         let costs = &self.costs[usize::from(mode == BlockMode::Spatial)];
         let unlikely = error > UNLIKELY * self.frame.pursuit.lambda * costs.least_first();

@@ -20,7 +20,7 @@ pub(crate) type Bits = [u64; 8];
 const CROSSED: f32 = 1.0;
 /// Weight of all other observed voxels.
 const FAR: f32 = 0.001;
-/// The same where signs are not guarded.
+/// Weight of all other observed voxels where signs are not guarded.
 const FAR_UNGUARDED: f32 = 0.01;
 /// Weight of unobserved voxels.
 const UNOBSERVED: f32 = 0.0005;
@@ -39,8 +39,8 @@ const SIGN_MARGIN_CODES: f32 = SIGN_MARGIN * CODES_PER_VOXEL as f32;
 /// Voxels in a code.
 pub(super) const SCALE: f32 = 1.0 / CODES_PER_VOXEL as f32;
 
-/// The blocks of a volume that are coded, in Morton order: those that the surface touches, or all, but for those in cells that
-/// stay as they are.
+/// The blocks of a volume that are coded, in Morton order: those that the surface touches, or all. Blocks in cells that stay as
+/// they are (skip cells) are not among them.
 #[derive(Debug)]
 pub(crate) struct Targets<'a> {
     volume: &'a SparseVolume,
@@ -56,7 +56,7 @@ pub(crate) struct Targets<'a> {
 /// What is known of a block before its samples are looked at.
 #[derive(Clone, Copy, Debug)]
 struct Marks {
-    /// Its index in the volume.
+    /// Index of the block in the volume.
     block: u32,
     /// Observed voxels with an observed face neighbour of the other sign.
     crossed: Bits,
@@ -94,7 +94,7 @@ pub(crate) struct PredictionError {
 }
 
 impl BlockTarget {
-    /// That of no block.
+    /// Target of no block.
     pub(crate) const NONE: Self =
         Self { samples: [0.0; SAMPLES], weights: [0.0; SAMPLES], only_sign: [0; 8] };
 
@@ -149,7 +149,7 @@ impl<'a> Targets<'a> {
         Self { volume, coords, marks, band, elsewhere, only_sign }
     }
 
-    /// Where the blocks are.
+    /// Coordinates of the blocks.
     pub(crate) fn coords(&self) -> &[BlockCoord] {
         &self.coords
     }
@@ -322,7 +322,7 @@ struct Signs {
 }
 
 impl Signs {
-    /// Of a block that is not there: nothing was observed.
+    /// Signs of a block that is not there: nothing was observed.
     const NONE: Self = Self { inside: [0; 8], observed: [0; 8], faces_on_surface: 0 };
 
     fn of_block(volume: &SparseVolume, block: usize) -> Self {
@@ -336,7 +336,7 @@ impl Signs {
     }
 }
 
-/// As [`Signs::faces_on_surface`].
+/// Faces of a block that lie on the surface, as bits of [`Signs::faces_on_surface`].
 fn faces_on_surface(samples: &Block) -> u8 {
     let mut faces = 0;
     for (axis, stride) in [1, 8, 64].into_iter().enumerate() {

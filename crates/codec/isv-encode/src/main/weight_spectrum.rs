@@ -1,8 +1,8 @@
 //! Inner products of basis functions under weights, from one transform of the weights.
 //!
-//! The product of two cosines is the mean of those of the difference and of the sum of their frequencies, so along an axis
-//! `sum w cos(k a) cos(l a)` is `(C(k - l) + C(k + l)) / 2` with `C(m) = sum w cos(m a)`; in space it is the mean of eight such sums.
-//! Frequencies beyond 8 fold: `C(16 - m) = -C(m)`, and `C(8)` is zero.
+//! The product of two cosines is the mean of the cosines of the difference and of the sum of their frequencies. So along an axis
+//! `sum w cos(k a) cos(l a)` is `(C(k - l) + C(k + l)) / 2` with `C(m) = sum w cos(m a)`. In space it is the mean of eight such
+//! sums. Frequencies beyond 8 fold: `C(16 - m) = -C(m)`, and `C(8)` is zero.
 
 use super::field_dct::{FieldDct, SCALES};
 use super::lanes::load;
@@ -28,8 +28,8 @@ pub(crate) static CODED_ROWS: [usize; 43] = {
     rows
 };
 
-/// `[k][l]`: the frequencies, 0 to 7, whose sums make up the product of two cosines, that of the difference and that of the sum, and
-/// the sign of the latter.
+/// `[k][l]`: the frequencies, 0 to 7, whose sums make up the product of two cosines. First that of the difference, then that of the
+/// sum, and the sign of the latter (0 if it vanishes).
 static PRODUCTS: [[(usize, usize, f32); 8]; 8] = {
     let mut products = [[(0, 0, 0.0); 8]; 8];
     let mut i = 0;
@@ -50,7 +50,7 @@ pub(crate) struct WeightSpectrum {
 }
 
 impl WeightSpectrum {
-    /// That of no weights.
+    /// Spectrum of no weights.
     pub(crate) const NONE: Self = Self { rows: [[0.0; EXTENDED]; 64] };
 
     /// Becomes the spectrum of a block's weights. `sums` is room to work in.

@@ -1,8 +1,8 @@
 //! Motion of each block by damped Gauss-Newton on the trilinear reference (Sec. 3.5, Eq. 12-14).
 //!
-//! All of it is the encoder's choice, in floating point; the decoder only ever sees the quantized vectors. Units here are
-//! voxels, both for positions and for signed distances. The loops over voxels are compiled once for each instruction set
-//! and chosen at run time; the arithmetic and so the vectors are the same in all of them.
+//! All of it is the encoder's choice, in floating point; the decoder only ever sees the quantized vectors. Units here are voxels,
+//! both for positions and for signed distances. The loops over voxels are compiled once for each instruction set and chosen at run
+//! time. The arithmetic, and so the vectors, are the same in all of them.
 
 use crate::paper::normal_equations::NormalEquations;
 use isv_decode::paper::Reference;

@@ -213,8 +213,8 @@ impl<const N: usize> RowSamples<N> {
         Self::trilinear(near, far, fraction, offset)
     }
 
-    /// Value and gradient inside the cell of each voxel: the two ends of its four edges along x, which lie at
-    /// (y, z) = 00, 10, 01 and 11, and the fractions along x, y and z.
+    /// Value and gradient inside the cell of each voxel. `near`, `far`: the two ends of its four edges along x, at (y, z) = 00, 10,
+    /// 01 and 11. `[a, b, c]`: the fractions along x, y and z.
     #[inline(always)]
     fn trilinear(
         near: [[f32; N]; 4],
@@ -264,7 +264,7 @@ fn rotation_matrix(motion: &[f32; 6]) -> [[f32; 3]; 3] {
     ]
 }
 
-/// Where a cell's four edges along x begin, relative to its first corner.
+/// Offsets from a cell's first corner to the beginnings of its four edges along x.
 #[inline(always)]
 fn edge_starts(side: usize) -> [usize; 4] {
     [0, side, side * side, side * side + side]

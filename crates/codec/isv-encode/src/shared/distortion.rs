@@ -5,9 +5,9 @@ use isv_volume::{CODES_PER_VOXEL, SparseVolume};
 /// Voxels nearer to the surface than this, in voxels, count.
 const NEAR_SURFACE: f64 = 0.9;
 
-/// Root mean square, in voxels, of the change in signed distance at the observed voxels within 0.9 voxel of the source's
-/// surface; 0 if there are none. Blocks that the decoded volume does not have are left out: what was lost is not told, nor what was
-/// never there, as [`surface_distance_voxels`](crate::surface_distance_voxels) does.
+/// Root mean square, in voxels, of the change in signed distance at the observed voxels within 0.9 voxel of the source's surface.
+/// It is 0 if there are none. Blocks that the decoded volume does not have are left out. Unlike
+/// [`surface_distance_voxels`](crate::surface_distance_voxels), this tells neither what was lost nor what was never there.
 #[must_use]
 pub fn surface_rms_voxels(source: &SparseVolume, decoded: &SparseVolume) -> f64 {
     let index = decoded.index();

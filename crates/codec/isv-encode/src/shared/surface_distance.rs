@@ -11,12 +11,12 @@ use std::sync::OnceLock;
 /// Vertices that one thread looks at; fixed, so that sums round the same on any number of threads.
 const CHUNK: usize = 4096;
 
-/// Root mean square, in voxels, of the distance between the surfaces of two volumes, at their vertices: the square root of the mean of the
-/// mean squares of both directions.
+/// Root mean square, in voxels, of the distance between the surfaces of two volumes, at their vertices. It is the square root of
+/// the mean of the mean squares of both directions.
 ///
-/// - A vertex of the decoded surface that has one of the source's within about a voxel is as far from it as the source's field says
-///   there; the source's surface is as far from the decoded one, in the mean, where it has one of its vertices as near.
-/// - Any other vertex, of what was lost or never was there, adds the distance to the nearest of the other surface.
+/// - A decoded vertex with a source vertex within about a voxel counts with the distance that the source's field says there.
+/// - A source vertex with a decoded vertex as near counts with the mean square of these distances.
+/// - Any other vertex, of what was lost or never was there, counts with the distance to the nearest vertex of the other surface.
 /// - Where one of the two has no surface at all, that is the diagonal of the other's bounding box.
 ///
 /// 0 if neither has a surface. Takes several times as long as [`surface_rms_voxels`](crate::surface_rms_voxels), and the memory of
@@ -42,7 +42,7 @@ impl<'a> SourceSurface<'a> {
         Self { volume, index: volume.index(), surface: Surface::new(volume) }
     }
 
-    /// As [`surface_distance_voxels`].
+    /// Distance between the source's surface and a decoded one, as in [`surface_distance_voxels`].
     pub(crate) fn distance_voxels(&self, decoded: &SparseVolume) -> f64 {
         assert_eq!(self.volume.grid(), decoded.grid(), "volumes are compared on one grid");
         let decoded = Surface::new(decoded);
@@ -95,7 +95,7 @@ struct Surface {
 struct Seen {
     /// Distances of the vertices that are near to it.
     near: MeanSquare,
-    /// Of all others.
+    /// Distances of all other vertices.
     far: MeanSquare,
 }
 
@@ -186,7 +186,7 @@ fn cell_of(position: DVec3) -> [i32; 3] {
     position.floor().as_ivec3().to_array()
 }
 
-/// Of distances the mean square; 0 of none.
+/// Mean square of distances; 0 if there are none.
 #[derive(Clone, Copy, Debug, Default)]
 struct MeanSquare {
     squares: f64,

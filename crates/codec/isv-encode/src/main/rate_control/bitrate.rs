@@ -29,8 +29,8 @@ const SURPRISES: usize = 2;
 
 /// A rate and the buffer that it is kept through.
 ///
-/// The buffer is a bucket that leaks at the rate: of any run of frames, the bits are at most the run's time times the rate, and the buffer's
-/// size. A frame that would overrun it is coded anew, coarser; it overruns only if the coarsest step does not help.
+/// The buffer is a bucket that leaks at the rate. The bits of any run of frames are at most the run's time times the rate, plus the
+/// buffer's size. A frame that would overrun it is coded anew, coarser; it overruns only if the coarsest step does not help.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bitrate {
     /// Bits a second, every byte of the stream counted.

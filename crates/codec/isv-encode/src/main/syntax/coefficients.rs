@@ -17,8 +17,8 @@ pub(crate) fn write(
     write_around_dc(models, parameters, sink, context, levels, |_| ());
 }
 
-/// Writes the levels of a block, and calls `around_dc` before and after the place and level of the DC coefficient, index 0; only before
-/// where a block has no levels.
+/// Writes the levels of a block. Calls `around_dc` before and after the place and level of the DC coefficient, index 0. Where a
+/// block has no levels, it is called only before.
 pub(crate) fn write_around_dc<S: DecisionSink>(
     models: &mut CoefficientModels,
     parameters: &MainParameters,

@@ -6,9 +6,11 @@ use isv_entropy::RangeEncoder;
 use isv_volume::{BlockEdge, VoxelMask};
 use std::collections::BTreeMap;
 
-/// Writes the masks of a frame's unsettled blocks, coded or extrapolated, by their index in its extended volume. `corners`: those of its
-/// blocks that have corners of crossed cells, in order, with these voxels, of which all masks are part; asked for only if there are masks.
-/// `reference`: the frame before.
+/// Writes the masks of a frame's unsettled blocks, coded or extrapolated, by their index in its extended volume.
+///
+/// - `corners`: the frame's blocks that have corners of crossed cells, in order, with these voxels. All masks are part of them.
+///   Asked for only if there are masks.
+/// - `reference`: the frame before.
 pub(crate) fn write<'a>(
     models: &mut MaskModels,
     frame: ReferenceBlocks,
