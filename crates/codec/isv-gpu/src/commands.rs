@@ -103,7 +103,7 @@ impl Commands {
         Ok(())
     }
 
-    /// Hands what was gathered so far to the GPU, if anything: drivers reset devices that work on one list for seconds, and a
+    /// Hands what was gathered so far to the GPU, if anything. Drivers reset devices that work on one list for seconds, and a
     /// stream can ask for tens of thousands of dispatches.
     fn begin_part(&mut self) -> Result<(), GpuError> {
         if self.dispatches > 0 {

@@ -51,7 +51,7 @@ impl GpuBackend {
         DecodeResources::new(store).map(Self)
     }
 
-    /// Where its volumes are.
+    /// Store of the backend's volumes.
     #[must_use]
     pub fn store(&self) -> &VolumeStore {
         &self.0.store

@@ -16,7 +16,7 @@ use wgpu::{
     Features, Limits, MapMode, PollType, Queue,
 };
 
-/// Bytes of a buffer that a kernel sees at most where nothing else is asked for, if the device allows as much; all allow 128 MiB.
+/// Most bytes of a buffer that a kernel sees where nothing else is asked for, if the device allows as much. All allow 128 MiB.
 const BINDING_BYTES: u64 = 1 << 30;
 
 /// Bytes of the buffer whose copying is timed, how often it is copied at a time, and how often that is timed.

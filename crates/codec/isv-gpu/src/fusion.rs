@@ -30,8 +30,8 @@ use views::ViewBuffers;
 
 /// A GPU as a backend of fusion: see [`isv_fusion::fuse_on`] and [`isv_fusion::Accumulator::with_backend`]. Blocks may be of any edge.
 ///
-/// It works in `f32`, so that blocks at the rim of the band and single voxels may differ from the CPU's; the same images always give
-/// the same volume.
+/// It works in `f32`, so that blocks at the rim of the band and single voxels may differ from the CPU's. The same images always
+/// give the same volume.
 #[derive(Debug)]
 pub struct GpuFusion {
     gpu: Gpu,

@@ -3,7 +3,7 @@
 //! 1. Each triangle enters the blocks that it matters in into a table and counts itself there (`ingest_find.wgsl`). The table is read
 //!    back, and the blocks put in order (`reached`).
 //! 2. Each triangle enters itself into the lists of its blocks (`ingest_list.wgsl`), of as many blocks at a time as a buffer holds.
-//! 3. Each block draws its triangles onto its rows of voxels (`ingest_wind.wgsl`), and lines of blocks add up what that changes
+//! 3. Each block draws its triangles onto its rows of voxels (`ingest_wind.wgsl`). Lines of blocks add up what that changes
 //!    (`ingest_carry.wgsl`): winding numbers, which lie where samples will.
 //! 4. Each block measures the distance from its voxels to the closest of its triangles (`ingest_measure.wgsl`).
 //! 5. Blocks without an observed voxel near the surface are dropped. What wide holes need is done by the CPU.
@@ -53,7 +53,7 @@ pub enum GpuIngestError {
 
 /// Makes volumes of meshes on a GPU, one after another, with the same working memory.
 ///
-/// Distances are those of [`isv_ingest::ingest_mesh`] but for rounding where that has them exactly; farther from the surface, with
+/// Distances are those of [`isv_ingest::ingest_mesh`] but for rounding where that has them exactly. Farther from the surface, with
 /// `Reach::Surface`, they are those to the closest of the triangles near the block.
 #[derive(Debug)]
 pub struct GpuMeshIngester {

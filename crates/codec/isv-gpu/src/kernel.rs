@@ -15,9 +15,9 @@ use wgpu::{
 /// A shader: parts of WGSL that make a module together, one of which has the entry points.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shader {
-    /// Its name in messages, which no other shader has.
+    /// Name in messages, which no other shader has.
     pub(crate) name: &'static str,
-    /// Its parts; what is used comes before what uses it.
+    /// Parts of the text; what is used comes before what uses it.
     pub(crate) parts: &'static [&'static str],
 }
 
@@ -41,10 +41,10 @@ pub(crate) type KernelKey = (&'static str, &'static str, u32);
 /// A compiled kernel. Copies share what was compiled.
 #[derive(Clone, Debug)]
 pub(crate) struct Kernel {
-    /// Its entry point.
+    /// Name of the entry point.
     pub(crate) name: &'static str,
     pub(crate) pipeline: ComputePipeline,
-    /// Of [`POOL_GROUP`] and [`OWN_GROUP`].
+    /// Layouts of [`POOL_GROUP`] and [`OWN_GROUP`].
     pub(crate) groups: [BindGroupLayout; 2],
     /// Whether it looks at the sample pool.
     pub(crate) uses_pool: bool,

@@ -32,9 +32,9 @@
 //!
 //! # How it works
 //!
-//! - A [`VolumeStore`] holds the samples of all volumes in one pool of slots, a block each (`pool`), so that volumes share blocks
-//!   and a frame is predicted from the one before without leaving the GPU. A [`GpuVolume`] has a list of its blocks' coordinates
-//!   and slots and a hash table to find them by (`blocks`, Sec. 3.6 of the paper).
+//! - A [`VolumeStore`] holds the samples of all volumes in one pool of slots, a block each (`pool`). So volumes share blocks, and a
+//!   frame is predicted from the one before without leaving the GPU. A [`GpuVolume`] has a list of its blocks' coordinates and
+//!   slots and a hash table to find them by (`blocks`, Sec. 3.6 of the paper).
 //! - Kernels are WGSL in `shaders`, put together from parts (`kernel`); one workgroup works on one block. What a decoder repeats is
 //!   `i32` and `u32` only, and written after the scalar code of `isv-kernels` and `isv-decode`, which tests compare it with.
 //! - Meshes become volumes where they are coded (`ingest`): distances in floating point, everything else in integers.

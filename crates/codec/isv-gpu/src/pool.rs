@@ -104,7 +104,7 @@ impl SamplePool {
         slots.chunk_by(move |a, b| b.wrapping_sub(*a) == 1 && a >> bits == b >> bits)
     }
 
-    /// Where a slot's samples are.
+    /// Storage of a slot's samples, and the byte at which they begin.
     pub(crate) fn place(&self, slot: u32) -> (&Storage, u64) {
         let within = slot & ((1 << self.segment_bits) - 1);
         (&self.segments[(slot >> self.segment_bits) as usize], u64::from(within) * BLOCK_BYTES)

@@ -37,7 +37,7 @@ impl Stopwatch {
         Self { queries: gpu.device().create_query_set(&descriptor), dispatches: Vec::new() }
     }
 
-    /// Where the next dispatch notes its times; nothing if there were too many before it.
+    /// Timestamps that the next dispatch writes; `None` if there were too many before it.
     pub(crate) fn next(
         &mut self,
         name: &'static str,

@@ -58,7 +58,7 @@ impl GrowingBuffer {
         Self { what, usage: Usage::Kernels, storage: None }
     }
 
-    /// The same, to be read from here.
+    /// A buffer for the CPU to read, without memory yet.
     pub(crate) fn for_reading(what: &'static str) -> Self {
         Self { what, usage: Usage::Reading, storage: None }
     }

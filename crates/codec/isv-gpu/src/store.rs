@@ -1,4 +1,4 @@
-//! Where volumes live on a GPU.
+//! Stores of volumes on a GPU.
 
 use crate::blocks::INSERT;
 use crate::kernel::Kernel;
@@ -53,7 +53,7 @@ pub(crate) struct Slots {
 }
 
 impl Slots {
-    /// Of slots that were taken or shared for it.
+    /// Wraps slots that were taken or shared for a volume.
     pub(crate) fn new(store: &VolumeStore, slots: Vec<u32>) -> Self {
         Self { store: store.clone(), slots }
     }

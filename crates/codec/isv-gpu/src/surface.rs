@@ -1,8 +1,8 @@
 //! Surfaces of volumes, on the GPU: what `isv_surface::extract_surface` does, with the same vertices and triangles in the same order.
 //!
 //! 1. The signs of each block become bits (`surface_signs.wgsl`).
-//! 2. Each block that the surface can cross finds the edges and cells that it crosses there, and how many vertices and triangles
-//!    they make (`surface_count.wgsl`); prefix sums number them.
+//! 2. Each block that the surface can cross finds the edges and cells that it crosses there. It counts the vertices and triangles
+//!    that they make (`surface_count.wgsl`); prefix sums number them.
 //! 3. The two totals are read back, to make room for the mesh. It is split into parts where it is larger than a kernel may see.
 //! 4. Each block writes its vertices (`surface_positions.wgsl`), their normals (`surface_normals.wgsl`) and its triangles
 //!    (`surface_triangles.wgsl`).
@@ -37,11 +37,11 @@ pub struct GpuSurfaceExtractor {
     kernels: Kernels,
     sums: PrefixSums,
     cases: Storage,
-    /// Of a volume that was observed in full.
+    /// Masks of a volume that was observed in full.
     no_masks: MaskTable,
     surface: GrowingBuffer,
     edges: GrowingBuffer,
-    /// Of each block and the end, the vertices and triangles before it.
+    /// Numbers of vertices and triangles before each block, and before the end.
     first: GrowingBuffer,
     totals: GrowingBuffer,
 }

@@ -89,8 +89,8 @@ impl GpuVolume {
         Ok(gpu.read(&[(&reading, at)])?.remove(0))
     }
 
-    /// The masks of unobserved voxels as kernels look at them: for each block one more than the number of its mask, or 0; and the
-    /// masks, 16 words each, voxel 0 in the lowest bit of the first. At least one mask's room.
+    /// The masks of unobserved voxels as kernels look at them. `numbers` has for each block one more than the number of its mask,
+    /// or 0. `words` has the masks, 16 words each, voxel 0 in the lowest bit of the first. There is room for one mask at least.
     ///
     /// # Errors
     /// As [`Gpu::storage`](crate::Gpu).

@@ -57,7 +57,7 @@ pub(super) struct CodedBlocks<'a> {
     count: u32,
     /// How many are predicted from the frame before.
     temporal: u32,
-    /// Where the others begin and how many they are: waves, none of which depends on a later one.
+    /// Beginnings and lengths of the waves of the others. None of these depends on a later one.
     waves: Vec<(u32, u32)>,
     /// `scale` of `residual.wgsl`, and the truncation.
     words: Vec<u32>,

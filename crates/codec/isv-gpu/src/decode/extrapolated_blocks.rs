@@ -11,7 +11,7 @@ use isv_volume::{BlockOrigin, Truncation};
 /// Bits of a kind, as `frame_blocks.wgsl` has them.
 const CODED: u32 = 1;
 const UNSETTLED: u32 = 2;
-/// Where the number of a block's mask begins in its kind, as `crossed_cells.wgsl` has it.
+/// Bit of a block's kind at which the number of its mask begins, as `crossed_cells.wgsl` has it.
 const MASK_BITS: u32 = 8;
 
 /// Memory for what is known of all blocks of a frame.
@@ -39,12 +39,12 @@ impl Default for ExtrapolatedBuffers {
 /// What all blocks of a frame are, uploaded.
 pub(super) struct ExtrapolatedBlocks<'a> {
     table: &'a BlockTable,
-    /// Of all blocks.
+    /// Kinds of all blocks.
     pub(super) kinds: &'a Storage,
-    /// Of all blocks, 1 for those that were extrapolated and lie inside.
+    /// Sides of all blocks: 1 for those that were extrapolated and lie inside.
     pub(super) insides: &'a Storage,
     pub(super) opposed: &'a Storage,
-    /// Of settled blocks.
+    /// Masks of settled blocks.
     pub(super) masks: &'a Storage,
     list: &'a Storage,
     /// Blocks to be extrapolated.
@@ -56,7 +56,7 @@ pub(super) struct ExtrapolatedBlocks<'a> {
 #[derive(Clone, Copy)]
 pub(super) struct KeptFrame<'a> {
     pub(super) blocks: ReferenceBlocks<'a>,
-    /// Of each block, 1 if it was extrapolated and lies inside.
+    /// Sides of all blocks: 1 for those that were extrapolated and lie inside.
     pub(super) insides: &'a [u32],
 }
 

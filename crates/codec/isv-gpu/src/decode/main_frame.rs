@@ -28,7 +28,7 @@ pub struct GpuMainFrame {
 }
 
 impl GpuMainFrame {
-    /// Its blocks.
+    /// Blocks of the frame.
     pub(super) fn blocks(&self) -> MainBlocks<'_> {
         let Self { index, sets, coded, skipped, volume, .. } = self;
         let GpuVolume { coords, unobserved, .. } = volume;

@@ -54,7 +54,7 @@ impl GpuPaperFrame {
         Self { volume, index }
     }
 
-    /// Its blocks.
+    /// Blocks of the frame.
     pub(super) fn blocks(&self) -> ReferenceBlocks<'_> {
         let GpuVolume { coords, unobserved, .. } = &self.volume;
         ReferenceBlocks { coords, index: &self.index, unobserved }

@@ -5,8 +5,8 @@ use isv_kernels::quant::Quantizer;
 
 /// Bits of a level's position in its block.
 const POSITION_BITS: u32 = 9;
-/// Largest magnitude of a level's value. Larger ones saturate a coefficient in blocks of 8, as this one does: the unit of these
-/// is 2^7 sixteenths of a code at most, and a step is one or more.
+/// Largest magnitude of a level's value. Larger ones saturate a coefficient in blocks of 8, as this one does. The unit of these
+/// coefficients is 2^7 sixteenths of a code at most, and a step is one or more.
 const VALUE_LIMIT: i32 = (1 << 22) - 1;
 
 /// The position in its block and the value of a level, in one word.
@@ -29,7 +29,7 @@ mod tests {
     use isv_kernels::quant::StepSize;
     use isv_volume::{BlockEdge, Truncation};
 
-    /// Of all truncations and the smallest step.
+    /// Tries all truncations and the smallest step.
     #[test]
     fn values_that_do_not_fit_saturate_as_they_should() {
         for voxels in Truncation::RANGE {

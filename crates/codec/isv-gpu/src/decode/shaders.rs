@@ -68,7 +68,7 @@ pub(crate) const CROSSED_CELLS: Shader = Shader {
     name: "crossed cells",
     parts: &[SAMPLES, TABLE, FRAME, include_str!("../shaders/crossed_cells.wgsl"), FIND],
 };
-/// Where surface is expected.
+/// Activity of each block: how much surface is expected there.
 pub(crate) const ACTIVITY: Shader = Shader {
     name: "activity",
     parts: &[SAMPLES, TABLE, FRAME, VECTORS, include_str!("../shaders/activity.wgsl"), FIND],

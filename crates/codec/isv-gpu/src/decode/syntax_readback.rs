@@ -42,9 +42,9 @@ const MASK_BYTES: u64 = 64;
 /// The readback.
 #[derive(Debug)]
 pub(super) struct SyntaxReadback {
-    /// Of each block, 1 if it was extrapolated and lies inside.
+    /// Sides of all blocks: 1 for those that were extrapolated and lie inside.
     pub(super) insides: Vec<u32>,
-    /// Of each block, edges that the surface is expected to cross, and from bit 16 on its distance where there are none.
+    /// Activity of each block: edges that the surface is expected to cross, and from bit 16 on its distance where there are none.
     pub(super) activity: Vec<u32>,
     /// The crossed cells with a corner in an unsettled block, by the block of their lowest corners, in order.
     pub(super) cells: Vec<(u32, VoxelMask)>,

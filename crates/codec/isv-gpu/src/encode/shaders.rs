@@ -21,7 +21,7 @@ pub(crate) const CODE: Shader = Shader {
     name: "code",
     parts: &[SAMPLES, TABLE, FRAME, TRANSFORM, RIGID, MOVED, include_str!("../shaders/code.wgsl"), FIND],
 };
-/// Where blocks come from that move as one (profile `main`).
+/// Search for the shifts of blocks that move as one (profile `main`).
 pub(crate) const SHIFTS: Shader = Shader {
     name: "shifts",
     parts: &[SAMPLES, TABLE, VECTORS, BESIDE, include_str!("../shaders/shifts.wgsl"), FIND],

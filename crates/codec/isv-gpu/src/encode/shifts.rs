@@ -1,4 +1,4 @@
-//! Where the frame before has the blocks of a frame of profile `main`, in floating point.
+//! Search in the frame before for the blocks of a frame of profile `main`, in floating point.
 
 use super::shaders;
 use crate::blocks::BlockTable;
@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Of the blocks of cubes of 4^3 and of 2^3, and of blocks alone, one row of voxels in so many is looked at.
+/// Stride over the rows of voxels that are looked at: in cubes of 4^3 blocks, in cubes of 2^3 blocks, in blocks alone.
 const ROWS: [u32; 3] = [4, 2, 1];
 /// Gauss-Newton steps at most.
 const STEPS: u32 = 8;
@@ -155,9 +155,9 @@ fn within_limits(component: f32) -> f32 {
 
 /// Blocks that move as one: cubes of 4^3, cubes of 2^3, and then each block alone.
 struct Groups {
-    /// As the kernel has them: first block, number of blocks, the two larger groups they are in, two packed vectors.
+    /// Rows as the kernel has them: first block, number of blocks, the two larger groups they are in, two packed vectors.
     rows: Vec<[u32; 6]>,
-    /// Of each size the base-2 logarithm of the edge and which groups there are.
+    /// Base-2 logarithm of each size's edge in blocks, and which groups there are of it.
     sizes: Vec<(u32, Range<usize>)>,
     /// For each block the groups it is in, the smallest first.
     of_blocks: Vec<[u32; 3]>,

@@ -15,7 +15,7 @@ pub(crate) struct EncodeTools {
     pub(super) references: GrowingBuffer,
     pub(super) vectors: GrowingBuffer,
     pub(super) moved: GrowingBuffer,
-    /// Where positions are in the scan.
+    /// Place in the scan of each position.
     pub(super) places: GrowingBuffer,
     pub(super) levels: GrowingBuffer,
     /// What is read back: vectors or levels.

@@ -59,8 +59,9 @@ enum Search {
 
 /// The grid whose blocks are looked for.
 struct Scale {
-    /// Of a block, in voxels of the views, and in those that bands are measured in.
+    /// Edge of a block, in voxels of the views.
     block_edge: f64,
+    /// Edge of a block, in the voxels that bands are measured in.
     edge: f32,
     limit: u64,
 }
@@ -70,7 +71,7 @@ impl GpuFusion {
     ///
     /// # Errors
     /// [`GpuError::TooLarge`] or [`GpuError::Unsupported`] if there are more blocks or rays than can be counted here, though not
-    /// more than the limit; and what goes wrong on the GPU.
+    /// more than the limit. Also what goes wrong on the GPU.
     pub(super) fn allocate(
         &mut self,
         views: &GpuViews,

@@ -22,7 +22,7 @@ pub struct GpuSums {
     parts: Vec<Part>,
 }
 
-/// As many blocks as are worked on at a time.
+/// Sums of as many blocks as are worked on at a time.
 #[derive(Debug)]
 struct Part {
     coords: Storage,
@@ -38,7 +38,7 @@ pub(super) struct SumBuffers {
     resolved: ResolvedBuffers,
 }
 
-/// The same for what sums resolve to.
+/// Memory for what sums resolve to. It serves one part after the other.
 #[derive(Debug)]
 struct ResolvedBuffers {
     samples: GrowingBuffer,

@@ -15,8 +15,8 @@ use std::ops::Range;
 const SURFEL_BYTES: u64 = 32;
 /// Pixels of a strip at most: their rays, up to hundreds a pixel where voxels are small, are counted in 32 bits.
 const STRIP_PIXELS: u64 = 1 << 22;
-/// Tangents of the slant that a surface may have against what is expected of it, in the first fit and in the second: as in
-/// `isv-fusion`.
+/// Tangents of the slant that a surface may have against what is expected of it. One is for the first fit, the other for the
+/// second, as in `isv-fusion`.
 const SLANTS: [f32; 2] = [2.75, 0.3];
 
 /// The images of one instant on a GPU, a plane for each pixel.
@@ -40,10 +40,10 @@ pub(super) struct Strip {
     intrinsics: Intrinsics,
     /// World to camera.
     rotation: DMat3,
-    /// Of the camera, in voxels.
+    /// Centre of the camera, in voxels.
     centre: DVec3,
     rows: Range<u32>,
-    /// Where its surfels begin in those of its batch.
+    /// Index of its first surfel in those of its batch.
     surfels: u32,
 }
 

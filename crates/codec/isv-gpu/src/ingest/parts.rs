@@ -14,7 +14,7 @@ const MOST_PARTS: usize = 64;
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Part {
     pub(super) blocks: Range<usize>,
-    /// Where each block's begins, and where the last one's ends.
+    /// Beginning of each block's list, and the end of the last one's.
     pub(super) starts: Vec<u32>,
 }
 

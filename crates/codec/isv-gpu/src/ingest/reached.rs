@@ -47,7 +47,7 @@ impl Reached {
         }
     }
 
-    /// The same with a table of so many entries; nothing if that is too few.
+    /// Finds the reached blocks with a table of so many entries; `None` if these are too few.
     fn with_table(
         gpu: &Gpu,
         kernels: &Kernels,
