@@ -20,7 +20,8 @@ use std::sync::Arc;
 /// Frames are drawn without an animation, whose rate this would be.
 const NO_RATE: PictureRate = PictureRate { pictures: 1, seconds: 1 };
 
-/// A reference: its path, unit, origin (in that unit), axis that points up, and the number of its frame that is the first of the input.
+/// A reference: its path, unit, origin (in that unit), axis that points up, and first frame. The first frame is the number of its
+/// frame that belongs to frame 0 of the input.
 type Reference = (PathBuf, String, Option<[f64; 3]>, String, usize);
 
 /// Draws frames of a stream, or of a capture in metres, into one PNG file. `range_m`: distance at which the colours of errors end (m).
