@@ -5,9 +5,9 @@
 //!                  ▲ blocks, activity, crossed cells ─────────┘
 //! ```
 //!
-//! Entropy decoding needs no samples. What the syntax of a frame needs of the frame before are its blocks, which are on the CPU
-//! ([`ReferenceBlocks`], [`MainBlocks`]), and in profile `main` two things that are found in samples: where surface is expected, and
-//! which cells it crosses.
+//! Entropy decoding needs no samples. From the frame before, the syntax of a frame needs the blocks, which are on the CPU
+//! ([`ReferenceBlocks`], [`MainBlocks`]). In profile `main` it also needs two things that are found in samples: where surface is
+//! expected, and which cells it crosses.
 
 mod cpu;
 
@@ -23,7 +23,7 @@ use std::fmt;
 
 pub use cpu::{Cpu, CpuMainFrame, CpuPaperFrame};
 
-/// Who does the arithmetic on samples, and keeps the frames. [`Cpu`] is the reference; others give the same bits.
+/// Arithmetic on samples, and the store of decoded frames. [`Cpu`] is the reference; other backends give the same bits.
 ///
 /// After an error, unless it is one of [`Self::hash`], there is no frame to go on from: the decoder waits for a keyframe.
 pub trait Backend: fmt::Debug + Send {
@@ -31,7 +31,7 @@ pub trait Backend: fmt::Debug + Send {
     type Volume: fmt::Debug;
     /// A decoded frame of profile `paper`: the reference for the next one.
     type Paper: fmt::Debug + Send;
-    /// The same of profile `main`.
+    /// A decoded frame of profile `main`: the reference for the next one.
     type Main: fmt::Debug + Send;
 
     /// A frame of profile `paper` from its symbols. `before`: the frame before, except for keyframes.
@@ -101,8 +101,8 @@ pub trait Backend: fmt::Debug + Send {
         masks: BTreeMap<u32, VoxelMask>,
     ) -> Result<(), BackendError>;
 
-    /// The activity that is expected of every block of a frame in the next one, where the blocks `skipped` stay as they are: one
-    /// for each block, in order. See [`expected_activity`](main::activity::expected_activity).
+    /// Computes the activity that is expected in the next frame: one for each block of this frame, in order. The blocks `skipped`
+    /// stay as they are. See [`expected_activity`](main::activity::expected_activity).
     ///
     /// # Errors
     /// See [`BackendError`].

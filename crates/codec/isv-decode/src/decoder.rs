@@ -64,13 +64,14 @@ impl Decoder {
         Self::with_backend(header, limits, Cpu::default())
     }
 
-    /// A decoder that decodes at reduced resolution, for previews and weak devices: voxels of twice or four times the edge, in
-    /// blocks of as many voxels as the stream's; in profile `paper` straight from the lowest coefficients, in `main` from the full
-    /// decode.
+    /// A decoder that decodes at reduced resolution, for previews and weak devices.
+    ///
+    /// Voxels have twice or four times the edge, and blocks have as many voxels as the stream's. Profile `paper` is decoded
+    /// straight from the lowest coefficients, profile `main` in full first.
     ///
     /// The truncation has as many times fewer voxels, rounded up, and no fewer than 2. A voxel is unobserved if half of the
-    /// stream's voxels in it or more are. What is decoded is exact integers too, but in profile `paper` not the full decode sampled
-    /// down: between keyframes it drifts from that (`docs/design/013-lod.md`), and hashes that the stream states are skipped.
+    /// stream's voxels in it or more are. What is decoded is exact integers too. In profile `paper` it is not the full decode
+    /// sampled down: between keyframes it drifts from that (`docs/design/013-lod.md`). Hashes that the stream states are skipped.
     ///
     /// # Errors
     /// [`GridError::VoxelSize`] if voxels would be larger than a kilometre.
@@ -97,9 +98,10 @@ impl<B: Backend> Decoder<B> {
         Self { backend, profile, details: Details::default(), colour_layers }
     }
 
-    /// Whether to go on after a lost packet at the next resilient frame, of which only profile `main` has any, and not only at the next
-    /// keyframe. What is decoded then is near what was encoded, and [`DecodedFrame::inexact_blocks`] counts what is not yet
-    /// exact; no other frames are decoded until all is. Meanwhile [`Self::volume`] is the last one before the loss.
+    /// Sets whether to go on after a lost packet at the next resilient frame, and not only at the next keyframe. Only profile
+    /// `main` has resilient frames. What is decoded then is near what was encoded. [`DecodedFrame::inexact_blocks`] counts the
+    /// blocks that are not yet exact; no other frames are decoded until all are. Meanwhile [`Self::volume`] is the last one
+    /// before the loss.
     ///
     /// A stream can be entered so at any resilient frame.
     pub fn recover(&mut self, wanted: bool) {
@@ -108,14 +110,14 @@ impl<B: Backend> Decoder<B> {
         }
     }
 
-    /// Says that a packet before the next one is lost, as its reader knows: nothing but a keyframe, or what [`Self::recover`] says,
-    /// follows what was decoded. The count in a packet tells of most losses by itself, but not of that of a whole GOP.
+    /// Says that a packet before the next one is lost, as its reader knows. Nothing but a keyframe, or what [`Self::recover`]
+    /// says, follows what was decoded. The count in a packet tells of most losses by itself, but not of that of a whole GOP.
     pub fn lose_packet(&mut self) {
         self.profile.lose();
     }
 
-    /// Says that a packet is there that is not to be decoded: as [`Self::lose_packet`], but its bytes count towards the blocks that
-    /// [`Limits`] allow to the frames behind it.
+    /// Says that a packet is there that is not to be decoded. This is [`Self::lose_packet`], but the packet's bytes count towards
+    /// the blocks that [`Limits`] allow to the frames behind it.
     pub fn pass_over(&mut self, packet: &Packet) {
         self.profile.pass_over(packet);
     }
@@ -167,7 +169,7 @@ impl<B: Backend> Decoder<B> {
         self.details.blocks()
     }
 
-    /// Who does the arithmetic on samples.
+    /// The backend, which does the arithmetic on samples.
     #[must_use]
     pub fn backend(&self) -> &B {
         &self.backend
@@ -254,7 +256,7 @@ impl<B: Backend> ProfileDecoder<B> {
         facts.inspect_err(|_| details.clear())
     }
 
-    /// As [`Decoder::lose_packet`].
+    /// Notes the loss of a packet: see [`Decoder::lose_packet`].
     fn lose(&mut self) {
         match self {
             Self::Paper(decoder) => decoder.lose(),
@@ -262,7 +264,7 @@ impl<B: Backend> ProfileDecoder<B> {
         }
     }
 
-    /// As [`Decoder::pass_over`].
+    /// Notes a packet that is not to be decoded: see [`Decoder::pass_over`].
     fn pass_over(&mut self, packet: &Packet) {
         match self {
             // A keyframe is next, whose bytes are all that counts.
@@ -271,7 +273,7 @@ impl<B: Backend> ProfileDecoder<B> {
         }
     }
 
-    /// As [`Decoder::volume`].
+    /// The volume of the last frame: see [`Decoder::volume`].
     fn volume(&self) -> Option<&B::Volume> {
         match self {
             Self::Paper(decoder) => decoder.volume(),

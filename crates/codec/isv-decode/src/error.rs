@@ -34,7 +34,7 @@ pub enum DecodeError {
     Malformed {
         /// Frames decoded before this one.
         frame: u64,
-        /// Where the packet begins in the stream.
+        /// Offset of the packet in the stream (bytes).
         at: u64,
         /// What is wrong.
         what: &'static str,
@@ -42,7 +42,7 @@ pub enum DecodeError {
     /// The frame predicts from one that was not decoded.
     #[error("packet at byte {at} predicts from a frame that was not decoded: begin at a keyframe")]
     NoReference {
-        /// Where the packet begins in the stream.
+        /// Offset of the packet in the stream (bytes).
         at: u64,
     },
     /// A frame between this one and the last keyframe was not decoded.
@@ -50,7 +50,7 @@ pub enum DecodeError {
         "packet at byte {at} is frame {found} of its GOP, where frame {expected} should be: a packet is missing"
     )]
     MissingFrame {
-        /// Where the packet begins in the stream.
+        /// Offset of the packet in the stream (bytes).
         at: u64,
         /// Frames since the keyframe that the next packet should have, modulo `2^16`.
         expected: u16,
@@ -60,7 +60,7 @@ pub enum DecodeError {
     /// More blocks than the caller allows.
     #[error("packet at byte {at} has {blocks} blocks, above the limit of {limit}")]
     TooManyBlocks {
-        /// Where the packet begins in the stream.
+        /// Offset of the packet in the stream (bytes).
         at: u64,
         /// Blocks the frame states.
         blocks: usize,
@@ -72,7 +72,7 @@ pub enum DecodeError {
         "packet at byte {at} makes {blocks} blocks of the {bytes} bytes since its keyframe, above the limit of {limit} for so few"
     )]
     TooFewBytes {
-        /// Where the packet begins in the stream.
+        /// Offset of the packet in the stream (bytes).
         at: u64,
         /// Blocks of the frame.
         blocks: usize,

@@ -5,10 +5,10 @@
 //!                                                                      ▲ Reference: the volume before ────────┘
 //! ```
 //!
-//! [`Decoder`] is the whole of it. Left of the symbols it is one, on the CPU, and sees no samples; right of them it is a
-//! [`backend::Backend`], of which [`backend::Cpu`] is the reference. The encoder uses the parts: it fills a frame's symbols,
-//! writes them with the mirror image of `syntax`, and calls the same `reconstruct` for its own reference, so the two cannot drift
-//! apart (Eq. 11).
+//! [`Decoder`] is the whole of it. Left of the symbols there is one decoder, on the CPU, and it sees no samples. Right of them
+//! the work is that of a [`backend::Backend`], of which [`backend::Cpu`] is the reference. The encoder uses the parts. It fills a
+//! frame's symbols and writes them with the mirror image of `syntax`. For its own reference it calls the same `reconstruct`, so
+//! the two cannot drift apart (Eq. 11).
 //!
 //! [`main`] is the product's profile, [`paper`] the one that it is measured against. Files of the same names have the same steps. What both
 //! have is in [`shared`].

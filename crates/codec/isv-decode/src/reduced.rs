@@ -1,9 +1,9 @@
 //! Decoding at reduced resolution.
 //!
-//! A frame of profile `main` is decoded in full and sampled down. One of profile `paper` comes straight from the lowest coefficients: the
-//! `edge / 2` (or `edge / 4`) lowest frequencies along each axis give a block's samples at the centres of cubes of 2^3 (4^3)
-//! voxels; its prediction is warped from a reference that is kept at that resolution. This drifts from a full decode that
-//! is sampled down, until the next keyframe: see `docs/design/013-lod.md` for how far.
+//! A frame of profile `main` is decoded in full and sampled down. One of profile `paper` comes straight from the lowest
+//! coefficients. The `edge / 2` (or `edge / 4`) lowest frequencies along each axis give a block's samples at the centres of cubes
+//! of 2^3 (4^3) voxels. Its prediction is warped from a reference that is kept at that resolution. This drifts from a full decode
+//! that is sampled down, until the next keyframe: see `docs/design/013-lod.md` for how far.
 
 mod downsample;
 mod frame;

@@ -141,7 +141,7 @@ fn stream(name: &str) -> (StreamHeader, Vec<Packet>, Vec<u64>) {
     (header, packets, hashes.map(|hash| u64::from_str_radix(hash, 16).unwrap()).collect())
 }
 
-/// Whichever call fails: that frame's error says so, the ones after it have no reference, and from the next keyframe on all is as
+/// Whichever call fails: that frame's error says so, and the ones after it have no reference. From the next keyframe on all is as
 /// it was.
 #[test]
 fn a_decoder_outlives_the_failures_of_its_backend() {

@@ -1,5 +1,5 @@
 //! The committed streams decode to the committed hashes, or are refused as they have to be, with every instruction set that the
-//! machine has, and what is said of them after losses is as committed. They never change: see `conformance/README.md`.
+//! machine has. What is said of them after losses is as committed, too. The streams never change: see `conformance/README.md`.
 
 use isv_decode::colour::{ColourDecoder, ColourError, ColourFrame, Sample};
 use isv_decode::main::ExactBlocks;

@@ -57,8 +57,10 @@ impl BlockCells {
     }
 }
 
-/// The cells of a frame that its surface crosses, by block: cells of marching cubes, which lie between eight voxels that are all
-/// there and observed, and of which some are inside and others outside. A cell belongs to the block of its lowest voxel.
+/// The cells of a frame that its surface crosses, by block.
+///
+/// They are cells of marching cubes, which lie between eight voxels that are all there and observed. Some of these voxels are
+/// inside and others outside. A cell belongs to the block of its lowest voxel.
 #[derive(Clone, Debug, Default)]
 pub struct ColourCells {
     coords: Vec<BlockCoord>,

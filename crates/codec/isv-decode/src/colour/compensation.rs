@@ -104,8 +104,9 @@ fn mixed(first: &[i32; 4], second: &[i32; 4], share: i32) -> [i32; 4] {
 /// Voxels around those of a block that are read too.
 const MARGIN: i32 = 1;
 
-/// The voxels that a block is read from under vectors between two, of which one has the least component along each axis and the other
-/// the greatest: the first voxel, and the one after the last, counted from the block's first.
+/// The voxels that a block is read from under vectors (1/8 voxel) between two bounds: the first voxel, and the one after the
+/// last. Both count from the block's first voxel. `least` and `most`: the least and the greatest component of the vectors along
+/// each axis.
 #[must_use]
 #[inline(always)]
 pub fn reach(least: [i32; 3], most: [i32; 3]) -> ([i32; 3], [i32; 3]) {
@@ -113,8 +114,8 @@ pub fn reach(least: [i32; 3], most: [i32; 3]) -> ([i32; 3], [i32; 3]) {
     (most.map(|v| (-v >> 3) - MARGIN), least.map(|v| ((7 - v) >> 3) + 9 + MARGIN))
 }
 
-/// From the surface in a cell to where its colour is read, in 1/256 voxel: against the motion, then along the normal onto the
-/// surface before. `middle`: of the cell, from the reader's origin.
+/// Offset from the surface in a cell to where its colour is read, in 1/256 voxel. It leads against the motion, then along the
+/// normal onto the surface before. `middle`: of the cell, from the reader's origin.
 ///
 /// Where nothing moves, the plane of the same cell is asked first: what stands still is read exactly where it is.
 #[inline(always)]
@@ -131,7 +132,8 @@ fn displacement(reader: &mut Reader, surfel: &Surfel, middle: [i32; 3], motion: 
     sum(onto, back)
 }
 
-/// From a position to the surface near it that faces a normal: to the plane of the cell that it lies in, or of those around it.
+/// Offset from a position to the surface near it that faces a normal. It leads to the plane of the cell that the position lies
+/// in, or else to those of the cells around it.
 #[inline]
 fn onto_surface(reader: &mut Reader, normal: [i8; 3], position: [i32; 3]) -> [i32; 3] {
     let home = position.map(|p| p >> 8);
@@ -178,8 +180,9 @@ fn onto_plane(reader: &mut Reader, normal: [i8; 3], position: [i32; 3], voxel: [
     Some(onto)
 }
 
-/// Predicts the parts of a cell at a depth from the frame before, in Morton order; the last value is 0 where it has none near.
-/// `motion`: in 1/256 voxel; `wanted`: the parts that are predicted, a bit each. The reader is turned to the cell's block.
+/// Predicts the parts of a cell at a depth from the frame before, in Morton order. The last value is 0 where that frame has no
+/// sample near. `motion`: in 1/256 voxel; `wanted`: the parts that are predicted, a bit each. The reader is turned to the cell's
+/// block.
 #[inline(always)]
 pub fn predict_cell(
     reader: &mut Reader,

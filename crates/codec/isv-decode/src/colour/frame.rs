@@ -47,8 +47,8 @@ pub(crate) fn rounded(sum: i32, weight: i32) -> i32 {
 
 /// Sums divided by their weight, rounded to the nearest, halves up; sums of 0 without any.
 ///
-/// Sums are below 2^31, weights below 2^16 and quotients below 2^21. Halves are made to lie above the middle between two integers, so
-/// that no quotient lies in it: all are farther from it than `f64` rounds.
+/// Sums are below 2^31, weights below 2^16 and quotients below 2^21. Halves are made to lie above the middle between two
+/// integers, so that no quotient lies in it. All quotients are farther from it than `f64` rounds.
 #[inline(always)]
 pub(crate) fn divided<const N: usize>(sums: [i32; N], weight: i32) -> [i32; N] {
     // Added to a number below 2^31 it leaves the nearest integer in the lowest bits.
@@ -170,8 +170,8 @@ impl ColourShape {
         self.parts(block, number, self.depths[block])
     }
 
-    /// The parts of a cell that the surface crosses at a depth that its block has, a bit each: the cell, its halves or its quarters, in
-    /// Morton order. `number`: of the cell in its block.
+    /// The parts of a cell that the surface crosses at a depth that its block has, a bit each. Parts are the cell, its halves or
+    /// its quarters, in Morton order. `number`: of the cell in its block.
     #[must_use]
     #[inline(always)]
     pub fn parts(&self, block: usize, number: usize, depth: u8) -> u64 {

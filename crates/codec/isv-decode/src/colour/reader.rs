@@ -59,8 +59,9 @@ impl<'a> Reader<'a> {
         self.region.clear();
     }
 
-    /// Takes the cells of a box of voxels together, which makes the readings of many cells and points in it faster. They are the same without it.
-    /// `lowest`: the first voxel, counted from the origin's; `end`: the one after the last; `depth`: of the samples that will be read.
+    /// Takes the cells of a box of voxels together, which makes the readings of many cells and points in it faster. They are the
+    /// same without it. `lowest`: the first voxel, counted from the origin's; `end`: the one after the last; `depth`: of the
+    /// samples that will be read.
     #[inline(always)]
     pub fn hold(&mut self, lowest: [i32; 3], end: [i32; 3], depth: u8) {
         if !self.region.begin(lowest, end, depth) {
@@ -282,8 +283,9 @@ impl<'a> Reader<'a> {
         around
     }
 
-    /// Reads the colours at the middles of a cell's parts at a depth, in Morton order; the last value is 0 where there are no samples.
-    /// `corner`: lowest corner of the cell, in the unit of positions. `wanted`: the parts that are read, a bit each; others have any value.
+    /// Reads the colours at the middles of a cell's parts at a depth, in Morton order. The last value is 0 where there are no
+    /// samples. `corner`: lowest corner of the cell, in the unit of positions. `wanted`: the parts that are read, a bit each;
+    /// others have any value.
     ///
     /// As [`Self::read`] at each part, but that all are read as deep as the block at the middle of the cell is.
     #[inline(always)]
@@ -581,8 +583,8 @@ fn read_held<const N: usize, const G: usize, const W: usize>(
     interpolate::<N, G, W>(part, corner, wanted, out);
 }
 
-/// Reads the colours at the middles of the wanted of `N` parts of a cell along each axis. `part`: the sample of a part of 2x2x2 cells from
-/// the one that `corner` lies in, by x, y and z; zeros where there is none.
+/// Reads the colours at the middles of the wanted of `N` parts of a cell along each axis. `part`: the sample of a part, by x, y
+/// and z; zeros where there is none. Its parts are those of 2x2x2 cells, of which `corner` lies in the first.
 ///
 /// All parts have the same fractions along the axes, so that sums are shared: those along x first, then y, then z. `G` is twice `N`;
 /// `W` is four lanes of `N`.

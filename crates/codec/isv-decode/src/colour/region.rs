@@ -98,8 +98,8 @@ impl Region {
         true
     }
 
-    /// Adds the cells of a block that lie in the region. `place`: of the block from the reader's origin; `surfels`: of its cells;
-    /// `start`: of its samples in the layer of the region's depth; `is_deepest`: whether it has none below that layer.
+    /// Adds the cells of a block that lie in the region. `place`: of the block from the reader's origin. `surfels`: of its cells.
+    /// `start`: of its samples in the layer of the region's depth. `is_deepest`: whether it has none below that layer.
     #[inline(always)]
     pub(super) fn add(
         &mut self,

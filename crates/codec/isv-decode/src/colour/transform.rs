@@ -1,8 +1,9 @@
 //! The weighted Haar transform of a node's children (RAHT), in means and differences.
 //!
-//! A node's mean and up to seven differences stand for the means of its children: first along z, then along y in either half, then
-//! along x in each quarter. A difference is there where both sides have cells. A difference `d` between
-//! sides of weights `a` and `b` is RAHT's orthonormal coefficient `d * sqrt(a b / (a + b))`. All coefficients have one quantizer step.
+//! A node's mean and up to seven differences stand for the means of its children. The differences are first along z, then along y
+//! in either half, then along x in each quarter. A difference is there where both sides have cells. A difference `d` between
+//! sides of weights `a` and `b` is RAHT's orthonormal coefficient `d * sqrt(a b / (a + b))`. All coefficients have one quantizer
+//! step.
 
 use super::frame::SAMPLE_BITS;
 use super::tree::HALF_WEIGHT;

@@ -11,8 +11,8 @@ const NEAR: i32 = 3;
 
 /// Means of all nodes of a frame at one level.
 ///
-/// Above the voxels' cells each block has a mean for every place of the level, whether there is a node or not; from there down a
-/// mean for each cell, and eight or 64 for those of deep blocks.
+/// Above the voxels' cells each block has a mean for every place of the level, whether there is a node or not. From there down it
+/// has a mean for each cell, or eight or 64 for each cell of a deep block.
 #[derive(Clone, Copy, Debug)]
 pub struct LevelMeans<'a> {
     /// Level of the nodes: 0 is the block.
@@ -102,8 +102,8 @@ impl ParentWindow {
         self.means[((z + 1) * self.side + y + 1) * self.side + x + 1]
     }
 
-    /// The prediction of a child by its place at the level below: the mean of the eight nodes nearest to it, those that are there,
-    /// with weights of 3 and 1 along each axis.
+    /// Predicts a child by its place at the level below. The prediction is the mean of those of the eight nearest nodes that are
+    /// there, with weights of 3 and 1 along each axis.
     #[must_use]
     #[inline(always)]
     pub fn predict(&self, child: usize) -> Sample {

@@ -1,4 +1,4 @@
-//! Where in its stream a decoder is.
+//! Position of a decoder in its stream.
 
 use crate::DecodeError;
 use isv_format::{Link, Packet, PacketChain};
@@ -26,8 +26,8 @@ impl Sequence {
         self.chain.push(packet);
     }
 
-    /// Counts a frame that was refused or is not wanted, whose bytes are there all the same: who begins between keyframes may have too
-    /// few for the first frame.
+    /// Counts a frame that was refused or is not wanted, whose bytes are there all the same. Without them, a decoder that begins
+    /// between keyframes may have too few bytes for its first frame.
     pub(crate) fn pass_over(&mut self, packet: &Packet) {
         self.bytes = self.gop_bytes(packet);
     }

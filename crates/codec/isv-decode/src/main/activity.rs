@@ -1,4 +1,4 @@
-//! Where the surface is expected to be: the frame before, moved on as it was moving.
+//! Expectation of where the surface is: the frame before, moved on as it was moving.
 
 use super::displaced_block::{BlockSigns, DisplacedBlock};
 use super::{MainBlocks, MainReference, Vector};
@@ -28,11 +28,11 @@ impl Activity {
     /// Distances from here on are one, in codes.
     pub const FAR: u16 = 960;
 
-    /// Of a block of the frame moved on.
+    /// Activity of a block of the frame moved on.
     ///
     /// - `crossings`: edges between voxels of different sign, of those that start in the block and end at a voxel that is there.
-    /// - `nearest`: if there are none, the smallest distance from the surface in codes, at most [`Self::FAR`], which also stands
-    ///   for a block of which no voxel is there; otherwise 0.
+    /// - `nearest`: 0 if there are crossings, otherwise the smallest distance from the surface in codes, at most [`Self::FAR`].
+    ///   [`Self::FAR`] also stands for a block of which no voxel is there.
     ///
     /// # Panics
     /// In debug builds, if these do not go together.
@@ -42,7 +42,7 @@ impl Activity {
         Self { crossings, nearest }
     }
 
-    /// Of a block that stays as it is: surface is expected if it was coded.
+    /// Activity of a block that stays as it is: surface is expected if it was coded.
     #[must_use]
     pub fn of_still(coded: bool) -> Self {
         Self { crossings: u16::from(coded), nearest: 0 }
@@ -110,7 +110,7 @@ struct SignTable<'a> {
 }
 
 impl<'a> SignTable<'a> {
-    /// Of the blocks that do not stay as they are, and those around them.
+    /// Finds the signs of the blocks that do not stay as they are, and of those around them.
     fn new(reference: &'a MainReference, skipped: &BlockSet) -> Self {
         let (volume, frame) = (reference.volume(), reference.blocks());
         let all = &frame.sets.all;

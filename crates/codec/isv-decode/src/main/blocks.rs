@@ -35,7 +35,7 @@ impl MainBlocks<'_> {
 /// What the next frame's contexts and vectors want to know of a coded block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CodedBlock {
-    /// Its vector, if it had one.
+    /// Vector of the block, if it had one.
     pub vector: Option<Vector>,
     /// How many of its levels were not zero.
     pub count: u8,

@@ -1,7 +1,7 @@
 //! What blocks that are not exact are shown as. A decoder may do as it likes there: nothing that is exact follows from them.
 //!
-//! A resilient frame's bytes are right whatever was lost. Its vectors lead to the frame before: if that is missing, they are led on
-//! as far again, to the one before it, as if all had moved on evenly.
+//! A resilient frame's bytes are right whatever was lost. Its vectors lead to the frame before. If that frame is missing, they
+//! are led on as far again, to the one before it, as if all had moved on evenly.
 
 use super::{BlockMode, Vector};
 

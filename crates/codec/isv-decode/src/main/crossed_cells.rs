@@ -1,8 +1,8 @@
 //! The cells that the surface of a decoded frame crosses. Marching cubes reads their corners, so of no other voxel does it
 //! matter whether it was observed.
 //!
-//! Signs are bits: a row of voxels along x is a number, a block and one layer of voxels around it are ten rows of ten bits in each
-//! of ten layers.
+//! Signs are bits, and a row of voxels along x is a number. A block and one layer of voxels around it are ten rows of ten bits in
+//! each of ten layers.
 
 use crate::main::cell_corners::{Bits, reaching};
 use crate::main::extension::{DecodedBlocks, ExtensionPlan, FrameBlocks};
@@ -21,8 +21,8 @@ const LANES: usize = 16;
 /// The rows of a block, `8 z + y`.
 pub(crate) type Rows = [u8; 64];
 
-/// The unsettled blocks of an extended volume, in order, that have corners of crossed cells, with those voxels: cells whose
-/// corners differ in sign and are all there and observed.
+/// The unsettled blocks of an extended volume, in order, that have corners of crossed cells, with those voxels. Corners of a
+/// crossed cell differ in sign and are all there and observed.
 #[must_use]
 pub fn crossed_corners(extended: &DecodedBlocks) -> Vec<(u32, VoxelMask)> {
     in_blocks(extended, &BTreeMap::new(), Wanted::Corners, Within::Unsettled)
@@ -134,13 +134,13 @@ struct Signs {
 }
 
 impl Signs {
-    /// Those of a block that was coded, and where they lie.
+    /// Signs of a block that was coded, and where they lie.
     fn of_coded(volume: &SparseVolume, block: usize, unobserved: [Option<&VoxelMask>; 2]) -> (Self, Parts) {
         let inside = inside(volume.block(block).try_into().expect("blocks of an edge of 8"));
         Self::of_observed(inside, unobserved)
     }
 
-    /// The same of a block that was extrapolated: all of it has one sign.
+    /// Signs of a block that was extrapolated, and where they lie: all of it has one sign.
     fn of_extrapolated(
         volume: &SparseVolume,
         block: usize,
@@ -176,7 +176,7 @@ pub(crate) fn rows(words: &Bits) -> Rows {
     rows
 }
 
-/// Whether a block has voxels inside, and outside, that touch the blocks around it: bit `s` for the block in whose
+/// Whether a block has voxels inside, and outside, that touch the blocks around it. Bit `s` is for the block in whose
 /// neighbourhood this one has slot `s`.
 #[derive(Clone, Copy, Debug)]
 struct Parts {
@@ -184,7 +184,8 @@ struct Parts {
     outside: u32,
 }
 
-/// The slots towards whose middle block some voxels of a set lie at the very face, edge or corner; all of the set for slot 13.
+/// The slots towards whose middle block some voxels of a set lie at the very face, edge or corner. For slot 13 any voxel of the
+/// set counts.
 fn touching(words: &[u64; 8]) -> u32 {
     const ALONG_X: [u64; 3] = [0x8080_8080_8080_8080, !0, 0x0101_0101_0101_0101];
     const ALONG_Y: [u64; 3] = [0xff << 56, !0, 0xff];

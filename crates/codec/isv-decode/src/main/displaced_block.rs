@@ -19,14 +19,14 @@ pub(super) struct BlockSigns {
 }
 
 impl BlockSigns {
-    /// Of a block that was coded.
+    /// Signs of a block that was coded.
     pub(super) fn of_coded(samples: &Block) -> Self {
         let inside = inside(samples);
         let sides = [inside != [0; EDGE], inside != [!0; EDGE]];
         Self { inside, sides, nearest: if sides == [true; 2] { 0 } else { nearest(samples) } }
     }
 
-    /// Of a block that was extrapolated: all of it has one sign.
+    /// Signs of a block that was extrapolated: all of it has one sign.
     pub(super) fn of_extrapolated(samples: &Block) -> Self {
         let is_inside = samples[0] < 0;
         let inside = if is_inside { [!0; EDGE] } else { [0; EDGE] };

@@ -1,7 +1,7 @@
 //! Which blocks are what they would be without loss (`docs/spec/format.md`, section 7.13).
 //!
 //! The symbols of a resilient frame are right whatever was lost. So its blocks are right too where what they are predicted from
-//! is, and an encoder that knows this can make a volume whole again without a keyframe.
+//! is right. An encoder that knows this can make a volume whole again without a keyframe.
 
 use super::symbols::STEPS_PER_BLOCK;
 use super::{CausalBlocks, FrameSymbols, MainBlocks, Vector};
@@ -65,7 +65,8 @@ impl ExactBlocks {
         })
     }
 
-    /// Those of a resilient frame. `plan`: of its extension; `before`: the frame before, and which of its blocks are exact.
+    /// Exact blocks of a resilient frame. `plan`: of its extension; `before`: the frame before, and which of its blocks are
+    /// exact.
     #[must_use]
     pub fn of_frame(
         header: &MainFrameHeader,

@@ -91,8 +91,8 @@ impl DecodedBlocks {
     }
 }
 
-/// Where the blocks of a frame will be once it is extended: all that can be said before its samples are known, and without those
-/// of the frame before.
+/// Plan of where the blocks of a frame are once it is extended. It is all that can be said before the frame's samples are known,
+/// and without those of the frame before.
 #[derive(Clone, Debug)]
 pub struct ExtensionPlan {
     blocks: FrameBlocks,
@@ -134,8 +134,8 @@ impl ExtensionPlan {
         &self.index
     }
 
-    /// For each block, where its samples come from: [`BlockOrigin::Fresh`] with its number among those of the frame itself,
-    /// which are [`FrameBlocks::fresh`] in Morton order, or [`BlockOrigin::Kept`] with its index in the frame before.
+    /// Origin of each block's samples. [`BlockOrigin::Fresh`] has its number among those of the frame itself, which are
+    /// [`FrameBlocks::fresh`] in Morton order. [`BlockOrigin::Kept`] has its index in the frame before.
     #[must_use]
     pub fn origins(&self) -> &[BlockOrigin] {
         &self.origins
@@ -236,8 +236,8 @@ impl ExtensionPlan {
         sides
     }
 
-    /// The masks of the frame, by index of its blocks, but for those that its bytes hold: both sides of the faces on which
-    /// extrapolated blocks of different signs meet, and the masks of what has settled.
+    /// The masks of the frame, by index of its blocks, but for those that its bytes hold. They cover both sides of the faces on
+    /// which extrapolated blocks of different signs meet. The masks of settled blocks are those of the frame before.
     ///
     /// `side`: of a block, by its index; asked only for unsettled blocks and those around them. `before`: the frame
     /// before, if anything is kept of it.
@@ -292,7 +292,7 @@ fn kept_samples(kept: &SparseVolume, block: u32) -> &Block {
     kept.block(block as usize).try_into().expect("blocks of an edge of 8")
 }
 
-/// Where the samples of each block come from.
+/// Origin of each block's samples.
 fn origins(blocks: &FrameBlocks, kept: Option<Kept>) -> Vec<BlockOrigin> {
     let mut fresh = 0..;
     let before = kept.map(|Kept { before, .. }| {

@@ -3,9 +3,9 @@
 /// A coefficient that is not zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Level {
-    /// Its place in scan order.
+    /// Place of the coefficient in scan order.
     pub place: u8,
-    /// Its quantized value.
+    /// Quantized value of the coefficient.
     pub value: i32,
 }
 
@@ -18,7 +18,7 @@ pub struct BlockLevels {
 }
 
 impl BlockLevels {
-    /// Those of no block, with room for this many blocks.
+    /// An empty list, with room for the levels of this many blocks.
     #[must_use]
     pub fn with_capacity(blocks: usize) -> Self {
         Self { levels: Vec::new(), ends: Vec::with_capacity(blocks) }

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! What is right of the symbols is the work of a [`Backend`](crate::backend::Backend). Its frames give the syntax of the next one
-//! their [`MainBlocks`], and find in their samples what [`activity`] is expected, and for the masks the [`crossed_cells`].
+//! their [`MainBlocks`]. In their samples they find what [`activity`] is expected, and for the masks the [`crossed_cells`].
 //!
 //! The encoder makes [`FrameSymbols`] and uses the parts of [`reconstruct`] for its closed loop, as in profile `paper`.
 

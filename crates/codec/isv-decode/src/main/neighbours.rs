@@ -4,8 +4,8 @@ use isv_volume::{BlockCoord, BlockIndex, NeighbourFinder, Neighbourhood};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Slots of a [`Neighbourhood`] whose blocks are asked, in this order, for vectors to merge with and for contexts: the faces
-/// that Morton order puts before a block, then the edges that it can put before.
+/// Slots of a [`Neighbourhood`] whose blocks are asked, in this order, for vectors to merge with and for contexts. First come the
+/// faces that Morton order puts before a block, then the edges that it can put before.
 pub const MERGE_NEIGHBOURS: [usize; 12] = [12, 10, 4, 9, 3, 1, 11, 15, 5, 21, 7, 19];
 
 /// Stands for a block that is not there.
@@ -15,7 +15,7 @@ const NONE: u32 = u32::MAX;
 #[derive(Clone, Debug)]
 pub struct CausalBlocks {
     index: BlockIndex,
-    /// Where the slices begin.
+    /// First block of each slice.
     starts: Vec<u32>,
     /// The [`MERGE_NEIGHBOURS`] of each block, or [`NONE`].
     merge: Vec<[u32; MERGE_NEIGHBOURS.len()]>,
@@ -55,7 +55,7 @@ impl CausalBlocks {
         self.index.neighbourhood(coord).map(|n| n.filter(|n| (start..block).contains(n)))
     }
 
-    /// Those of [`MERGE_NEIGHBOURS`] that are there, in order.
+    /// A block's [`MERGE_NEIGHBOURS`] that are there, in order.
     pub fn merge_neighbours(&self, block: usize) -> impl Iterator<Item = usize> + '_ {
         self.merge[block].iter().filter(|n| **n != NONE).map(|n| *n as usize)
     }
@@ -66,7 +66,7 @@ impl CausalBlocks {
 pub struct SliceBlocks<'a> {
     /// All blocks of the frame.
     pub coords: &'a [BlockCoord],
-    /// Those of the slice.
+    /// Indices of the slice's blocks in `coords`.
     pub range: Range<usize>,
     /// Which neighbours precede a block.
     pub causal: &'a CausalBlocks,

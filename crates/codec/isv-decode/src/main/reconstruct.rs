@@ -231,8 +231,8 @@ mod tests {
         MainReference::new(decoded, FrameSymbols::default(), BTreeMap::new())
     }
 
-    /// A vector is whole blocks and a rest of -4 to 3.75 voxels: the 3x3x3 blocks around the block that the whole part leads to
-    /// are stitched, and the rest is [`StitchedReference::warp`].
+    /// A vector is whole blocks and a rest of -4 to 3.75 voxels. The 3x3x3 blocks around the block that the whole part leads to
+    /// are stitched. [`StitchedReference::warp`] moves them by the rest.
     #[test]
     fn predictions_are_warps_of_stitched_neighbourhoods() {
         let reference = reference();

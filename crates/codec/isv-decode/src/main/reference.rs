@@ -15,8 +15,8 @@ pub struct MainReference {
 }
 
 impl MainReference {
-    /// Makes one of the extended volume of a frame, the frame's symbols, whose blocks are those coded in it in the same order, and its
-    /// masks, by index in the volume.
+    /// Makes a reference of the extended volume of a frame, the frame's symbols and its masks, by index in the volume. The blocks
+    /// of the symbols are those coded in the frame, in the same order.
     #[must_use]
     pub fn new(decoded: DecodedBlocks, symbols: FrameSymbols, masks: BTreeMap<u32, VoxelMask>) -> Self {
         let coded = CodedBlock::of_frame(decoded.sets(), &symbols);
@@ -30,7 +30,7 @@ impl MainReference {
         self.decoded.add_unobserved(masks);
     }
 
-    /// Its blocks, without their samples.
+    /// The frame's blocks, without their samples.
     #[must_use]
     pub fn blocks(&self) -> MainBlocks<'_> {
         MainBlocks {

@@ -45,7 +45,7 @@ pub enum BlockMode {
     Spatial,
     /// From the frame before, with a vector among the candidates that decoder and encoder both know.
     Merged {
-        /// Its place among the candidates.
+        /// Place of the vector among the candidates.
         candidate: u8,
         /// The vector it is.
         vector: Vector,

@@ -1,8 +1,8 @@
 //! Entropy-coded syntax of profile `main`: the models of each kind of symbol and the reading side. `isv-encode` has the writing
 //! side of each file under the same name.
 //!
-//! Contexts are few and small; a decision that depends on several things is coded under the mean of several models' estimates,
-//! each with one or two of those things as its context.
+//! Contexts are few and small. A decision that depends on several things is coded under the mean of several models' estimates.
+//! Each model has one or two of those things as its context.
 
 pub mod block_set;
 pub mod cells;

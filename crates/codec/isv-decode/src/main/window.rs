@@ -31,8 +31,8 @@ impl<'a> Window<'a> {
     /// Looks at the samples from the first voxel of the block at `coord` and `voxels` from there on. They stay until the next
     /// call, which does nothing if it asks for the same.
     ///
-    /// Where the frame has no block, the truncation distance stands, with the sign of the voxel of the block at `centre` that is
-    /// nearest; outside if there is no such block.
+    /// Where the frame has no block, the truncation distance stands. Its sign is that of the nearest voxel of the block at
+    /// `centre`; outside if there is no such block.
     pub fn look_at(&mut self, coord: BlockCoord, voxels: [i32; 3], centre: BlockCoord) {
         let [x, y, z] = voxels;
         let first = [EDGE * coord.x + x, EDGE * coord.y + y, EDGE * coord.z + z];

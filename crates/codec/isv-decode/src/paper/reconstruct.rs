@@ -55,7 +55,7 @@ pub fn reconstruct(
     SparseVolume::from_parts(parameters.grid, symbols.coords, prediction, symbols.unobserved)
 }
 
-/// The same on samples alone. `levels`: as in [`FrameSymbols::levels`].
+/// Adds residuals to predicted samples and clamps them to the truncation distance. `levels`: as in [`FrameSymbols::levels`].
 pub fn add_residuals(parameters: &CodingParameters, levels: &[i32], prediction: &mut [i16]) {
     let grid = parameters.grid;
     let limit = grid.truncation.codes();

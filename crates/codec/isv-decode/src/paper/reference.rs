@@ -25,13 +25,13 @@ impl Reference {
         &self.volume
     }
 
-    /// Its block look-up.
+    /// Look-up of the volume's blocks.
     #[must_use]
     pub fn index(&self) -> &BlockIndex {
         &self.index
     }
 
-    /// Its blocks.
+    /// The volume's blocks, without their samples.
     #[must_use]
     pub fn blocks(&self) -> ReferenceBlocks<'_> {
         ReferenceBlocks {

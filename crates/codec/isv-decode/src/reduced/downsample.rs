@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 /// A frame's volume in larger voxels: each is the mean of the voxels in it, in codes of the larger voxel, rounded half up.
 ///
-/// Profile `main` is reduced so, after a full decode: its levels are chosen for the surface alone, and the lowest of them do not
+/// Profile `main` is reduced so, after a full decode. Its levels are chosen for the surface alone, and the lowest of them do not
 /// make a coarse field.
 pub(crate) fn downsample(extended: &DecodedBlocks, reduced: &ReducedGrid) -> SparseVolume {
     let volume = extended.volume();

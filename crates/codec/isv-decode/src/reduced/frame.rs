@@ -114,7 +114,7 @@ impl ReducedFrame {
         &self.volume
     }
 
-    /// Its blocks as the stream has them.
+    /// The frame's blocks as the stream has them.
     pub(crate) fn blocks(&self) -> ReferenceBlocks<'_> {
         ReferenceBlocks { coords: &self.coords, index: &self.index, unobserved: &self.unobserved }
     }

@@ -6,11 +6,11 @@ use std::collections::BTreeMap;
 
 /// Puts the `2^3` (`4^3`) blocks of the stream that a block of larger voxels covers together.
 ///
-/// A larger voxel is unobserved if half of its voxels or more are, in a block that was extrapolated if any is, and where no block of the
-/// stream is; samples are the truncation distance there.
+/// A larger voxel is unobserved if half of its voxels or more are; in an extrapolated block, if any is. It is unobserved, too,
+/// where no block of the stream is; samples are the truncation distance there.
 ///
-/// `is_extrapolated`: whether a block was extrapolated. Its sign is a guess where it meets unobserved voxels, which are then one layer that
-/// tells that there is no surface between it and another guess; in larger voxels half of them would not be left.
+/// `is_extrapolated`: whether a block was extrapolated. Its sign is a guess where it meets unobserved voxels. These are then one
+/// layer, which tells that there is no surface between it and another guess. One layer can be less than half of a larger voxel.
 pub(super) fn regroup(
     parameters: &ReducedGrid,
     coords: &[BlockCoord],
@@ -43,10 +43,10 @@ pub(super) fn regroup(
     SparseVolume::from_parts(parameters.grid, groups, grouped, masks)
 }
 
-/// Where a block of the stream lies in its group.
+/// Place of a block of the stream in its group.
 struct Place<'a> {
     parameters: &'a ReducedGrid,
-    /// Its first voxel.
+    /// First voxel of the block in the group.
     corner: [usize; 3],
 }
 

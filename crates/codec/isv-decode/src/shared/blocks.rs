@@ -38,11 +38,14 @@ pub(crate) fn stitch<'a>(
     }
 }
 
-/// What stands for all samples of a block that is not there. It lies wholly beyond the truncation band, so that is the truncation
-/// distance, with the sign of the centre block's voxel nearest to it (the middle one along an axis on which neither is ahead); outside
-/// the surface if there is no centre block either.
+/// Value that stands for all samples of a block that is not there.
 ///
-/// `side` is the number of voxels along an edge of the centre block; `towards` leads from it to the other, by the sign of each component.
+/// The block lies wholly beyond the truncation band, so the value is the truncation distance. Its sign is that of the centre
+/// block's voxel nearest to the block; outside the surface if there is no centre block either. Along an axis on which neither
+/// block is ahead, the nearest voxel is the middle one.
+///
+/// `side` is the number of voxels along an edge of the centre block. `towards` leads from the centre block to the other, by the
+/// sign of each component.
 pub(crate) fn fill(centre: Option<&[i16]>, side: usize, towards: [i32; 3], limit: i16) -> i16 {
     let [x, y, z] = towards.map(|step| [0, side / 2, side - 1][(step.signum() + 1) as usize]);
     let inside = centre.is_some_and(|centre| centre[(z * side + y) * side + x] < 0);

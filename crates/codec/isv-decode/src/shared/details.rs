@@ -7,7 +7,7 @@ use std::ops::Range;
 /// How a block of a frame is coded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlockDetail {
-    /// Where it is.
+    /// Coordinate of the block on the block grid.
     pub coord: BlockCoord,
     /// What it is predicted from.
     pub coding: BlockCoding,
@@ -24,8 +24,8 @@ pub enum BlockCoding {
     Alone,
     /// From the frame before.
     Predicted {
-        /// Where its samples come from, counted from the block, in quarter voxels: the vector's translation. What is there has moved
-        /// the other way.
+        /// Place that the block's samples come from, counted from the block, in quarter voxels: the vector's translation. What is
+        /// there has moved the other way.
         from: [i16; 3],
     },
 }
@@ -76,7 +76,7 @@ impl Details {
         self.wanted = wanted;
     }
 
-    /// Those of the last frame.
+    /// Details of the last frame's blocks, in Morton order.
     pub(crate) fn blocks(&self) -> &[BlockDetail] {
         &self.blocks
     }

@@ -3,9 +3,9 @@
 use isv_volume::{SparseVolume, VoxelMask};
 use xxhash_rust::xxh64::Xxh64;
 
-/// XXH64, seed 0, of the blocks in Morton order: each as its coordinate (3 `i32`), its samples (`i16`, x fastest), the
-/// number of its unobserved voxels (`u32`) and, if that is not 0, its mask (one bit a voxel, lowest voxel in the lowest
-/// bit of the first byte). All little-endian.
+/// XXH64, seed 0, of the blocks in Morton order. A block is its coordinate (3 `i32`), its samples (`i16`, x fastest) and the
+/// number of its unobserved voxels (`u32`). If that number is not 0, its mask follows: one bit a voxel, lowest voxel in the
+/// lowest bit of the first byte. All little-endian.
 #[must_use]
 pub fn volume_hash(volume: &SparseVolume) -> u64 {
     let mut hasher = Xxh64::new(0);

@@ -7,7 +7,7 @@ use isv_volume::{BlockCoord, BlockSet};
 pub struct Kept<'a> {
     /// The blocks of the frame before.
     pub before: &'a FrameBlocks,
-    /// Those of them in the cells of 4x4x4 blocks that stay as they are.
+    /// Blocks of the frame before in the cells of 4x4x4 blocks that stay as they are.
     pub skipped: &'a BlockSet,
 }
 
@@ -17,16 +17,16 @@ pub struct Kept<'a> {
 pub struct FrameBlocks {
     /// All of them, coded or not.
     pub all: BlockSet,
-    /// Those that were coded, in this frame or in an earlier one that they are kept of.
+    /// Blocks that were coded, in this frame or in an earlier one that they are kept of.
     pub coded: BlockSet,
-    /// Those whose samples are of this frame: coded in it, or extrapolated anew.
+    /// Blocks whose samples are of this frame: coded in it, or extrapolated anew.
     pub fresh: BlockSet,
-    /// Those whose masks are of this frame. The others lie where nothing has changed.
+    /// Blocks whose masks are of this frame. The others lie where nothing has changed.
     pub unsettled: BlockSet,
 }
 
 impl FrameBlocks {
-    /// Of a frame with these coded blocks, in Morton order and none of them in a cell that is kept.
+    /// Sets of a frame with these coded blocks, in Morton order and none of them in a cell that is kept.
     #[must_use]
     pub fn new(coded: &[BlockCoord], kept: Option<Kept>) -> Self {
         let now = BlockSet::from_coords(coded);

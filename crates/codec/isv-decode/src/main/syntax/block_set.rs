@@ -1,6 +1,6 @@
-//! The set of coded blocks. A keyframe's is an octree; after it, each block of the reference's volume has a flag, in the
-//! context of the surface that is expected there, and the few blocks beyond it are an octree again. Of cells that stay as they
-//! are, no block is coded.
+//! The set of coded blocks. A keyframe's is an octree. After it, each block of the reference's volume has a flag, in the context
+//! of the surface that is expected there. The few blocks beyond that volume are an octree again. Of cells that stay as they are,
+//! no block is coded.
 
 use super::skip_cells::SkipCellModels;
 use crate::main::MainBlocks;
@@ -26,8 +26,8 @@ pub struct BlockSetModels {
     by_class: [BitModel; Activity::CLASSES * 4 * 4 * 2],
     /// By fine class and coded faces before the block.
     by_distance: [BitModel; Activity::FINE_CLASSES * 4],
-    /// By class, how many more faces before the block are coded than were expected (-3 to 3), coded edges (0 to 9), and whether it was
-    /// coded.
+    /// By class, surprise (-3 to 3), coded edges (0 to 9), and whether the block was coded. The surprise is how many more faces
+    /// before the block are coded than were expected.
     by_surprise: [BitModel; Activity::CLASSES * 7 * 10 * 2],
 }
 
@@ -53,13 +53,13 @@ impl BlockSetModels {
         ]
     }
 
-    /// Reads a set of `count` blocks, in Morton order, and the blocks of the reference that stay as they are: those of no cell
-    /// without `skip_cells`. `activity`: of every block of the reference, in order, once it is known which of them stay; not asked
-    /// for without a reference.
+    /// Reads a set of `count` blocks, in Morton order, and the blocks of the reference that stay as they are. Without
+    /// `skip_cells` none stay. `activity`: of every block of the reference, in order, once it is known which of them stay; not
+    /// asked for without a reference.
     ///
     /// # Errors
-    /// That of `activity`, a set that does not hold as many blocks as the frame header says, holds one twice or one in a cell that stays as it is, or
-    /// bytes that end too early.
+    /// Any error of `activity`. A set that does not hold as many blocks as the frame header says. A set that holds a block twice,
+    /// or one in a cell that stays as it is. Bytes that end too early.
     pub fn read<E: From<SyntaxError>>(
         &mut self,
         bytes: &[u8],
@@ -132,18 +132,18 @@ pub struct ExpectedBlocks {
 #[derive(Clone, Copy, Debug)]
 struct ExpectedCell {
     cell: BlockCell,
-    /// Those that were coded.
+    /// Blocks that were coded.
     was: u64,
-    /// Those that surface is expected in.
+    /// Blocks that surface is expected in.
     expected: u64,
-    /// Those that are coded, or were and stay, as far as is known.
+    /// Blocks that are coded, or were and stay, as far as is known.
     coded: u64,
 }
 
 /// A block that may be coded.
 #[derive(Clone, Copy, Debug)]
 pub struct Candidate {
-    /// Its index in the reference's volume.
+    /// Index of the block in the reference's volume.
     pub block: u32,
     /// Which of the cells it is in, and where.
     cell: u32,
@@ -267,7 +267,7 @@ struct Neighbours {
 }
 
 impl Neighbours {
-    /// Of the block at a bit of its cell.
+    /// Neighbours at these offsets of the block at a bit of its cell.
     fn new(bit: u32, offsets: &[[i32; 3]]) -> Self {
         let mut neighbours = Self { cells: 0, parts: [(0, 0); 9] };
         let at = [0, 1, 2].map(|axis| (bit >> axis & 1 | bit >> (axis + 2) & 2) as i32);

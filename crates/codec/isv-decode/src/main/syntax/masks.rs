@@ -1,5 +1,5 @@
-//! Unobserved voxels (W = 0 in Eq. 2), after the samples: only voxels of cells that the surface crosses can matter, so all
-//! others count as observed.
+//! Unobserved voxels (W = 0 in Eq. 2), after the samples. Only voxels of cells that the surface crosses can matter, so all others
+//! count as observed.
 
 use crate::ReferenceBlocks;
 use crate::shared::syntax::SyntaxError;

@@ -143,9 +143,11 @@ impl Candidates {
 pub struct ModeContext {
     /// Vectors of the neighbours before it, in order of [`super::super::MERGE_NEIGHBOURS`], of the frame before, and zero.
     pub candidates: Candidates,
-    /// Of the first three neighbours, how many are spatial, how many have new vectors, and how many there are.
+    /// Number of the first three neighbours that are spatial.
     spatial: usize,
+    /// Number of the first three neighbours that have new vectors.
     new: usize,
+    /// Number of the first three neighbours that are there.
     known: usize,
     /// How many levels the block had in the frame before, and one; 0 if it was not coded.
     before: usize,

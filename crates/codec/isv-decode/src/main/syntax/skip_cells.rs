@@ -1,5 +1,5 @@
-//! Which cells of 4x4x4 blocks stay as they were in the frame before: their blocks are not coded again, and nothing of what can
-//! be found of them changes. A flag for each cell that the frame before has blocks in.
+//! Cells of 4x4x4 blocks that stay as they were in the frame before (skip cells). Their blocks are not coded again, and nothing
+//! of what can be found of them changes. Each cell that the frame before has blocks in has a flag.
 
 use crate::main::MainBlocks;
 use foldhash::HashSet;
@@ -32,7 +32,7 @@ impl SkipCellModels {
 pub struct SkipCellContext {
     /// Cells that are known to stay as they are.
     now: HashSet<u64>,
-    /// Those that did in the frame before.
+    /// Cells that stayed as they were in the frame before.
     before: HashSet<u64>,
 }
 
@@ -51,8 +51,8 @@ impl SkipCellContext {
         }
     }
 
-    /// Model of a cell: whether it was still in the frame before, how many of the three cells behind it are, and how many of
-    /// the three ahead of it were.
+    /// Model of a cell, by whether it was still in the frame before. It depends too on how many of the three cells behind it are
+    /// still, and how many of the three ahead of it were.
     #[must_use]
     pub fn model(&self, cell: BlockCell) -> usize {
         let along = |set: &HashSet<u64>, ahead: bool| {

@@ -98,9 +98,9 @@ impl CausalNeighbours {
 
     /// Prediction of a block's vector, and how far the vectors it rests on are apart.
     ///
-    /// Only blocks of the same slice count: `block`, `references` and `vectors` are relative to its first, `range.start`.
-    /// Each component is the median of three neighbours, the mean of two (rounded towards minus infinity), one alone, or,
-    /// without any, that of `last`, the vector coded before.
+    /// Only blocks of the same slice count: `block`, `references` and `vectors` are relative to its first, `range.start`. Each
+    /// component is the median of three neighbours, the mean of two (rounded towards minus infinity), or that of one alone.
+    /// Without any, it is that of `last`, the vector coded before.
     #[must_use]
     pub fn predict(
         &self,
@@ -142,8 +142,8 @@ fn middle(values: &[i8]) -> i8 {
     }
 }
 
-/// How far the neighbours are apart on the worst axis of translation: 0 within a step, 1 within four, else 2; and 2 if there
-/// is only one.
+/// Class of how far the neighbours are apart on the worst axis of translation: 0 within a step, 1 within four, else 2. A single
+/// neighbour has class 2.
 fn spread_class(known: &[MotionVector]) -> usize {
     let apart = |axis: usize| {
         let values = known.iter().map(|v| i32::from(v.translation[axis]));

@@ -1,5 +1,5 @@
-//! The set of blocks: an octree over block coordinates, coded level by level, each cell in the context of its neighbours
-//! and of the same cell in the frame before. Newly active and removed blocks (Sec. 3.4) need nothing more.
+//! The set of blocks: an octree over block coordinates, coded level by level. The context of a cell is its neighbours and the
+//! same cell in the frame before. Newly active and removed blocks (Sec. 3.4) need nothing more.
 
 use super::{SyntaxError, check_overrun};
 use crate::ReferenceBlocks;
@@ -117,9 +117,13 @@ impl CellContext {
         self.current.insert(cell);
     }
 
-    /// Model of a cell: level (blocks, cells of 2^3 blocks, larger), whether the frame before has it, how many of its
-    /// three neighbours before it are there, and how many of the three after it are to be expected: those of the frame
-    /// before, or, in a keyframe, those whose parents are there.
+    /// Model of a cell, by:
+    ///
+    /// - its level (blocks, cells of 2^3 blocks, larger);
+    /// - whether the frame before has it;
+    /// - how many of its three neighbours before it are there;
+    /// - how many of the three after it are to be expected: those of the frame before, or, in a keyframe, those whose parents are
+    ///   there.
     #[must_use]
     pub fn model(&self, cell: u64) -> usize {
         let was_there = self.before.as_ref().is_some_and(|b| b.contains(&cell));

@@ -69,8 +69,8 @@ pub fn blocks_before(coord: BlockCoord, index: &BlockIndex) -> [Option<u32>; 3] 
     [[-1, 0, 0], [0, -1, 0], [0, 0, -1]].map(|offset| index.get(coord.offset(offset)))
 }
 
-/// What is known around a block when its mask is coded: the masks of the three blocks before it along the axes, and of
-/// the block at its place in the reference.
+/// Known masks around a block when its own is coded. They are those of the three blocks before it along the axes, and of the
+/// block at its place in the reference.
 #[derive(Debug)]
 pub struct MaskContext<'a> {
     before: [Neighbour<'a>; 3],
@@ -126,8 +126,8 @@ impl<'a> MaskContext<'a> {
         self.before.iter().filter(|b| b.is_masked()).count() + 4 * usize::from(self.reference.is_masked())
     }
 
-    /// Context of a voxel: the state of the voxels before it along x, y and z, in this block or the one before, and of
-    /// the voxel at its place in the reference.
+    /// Context of a voxel: the states of the voxels before it along x, y and z, in this block or the one before. The state of the
+    /// voxel at its place in the reference belongs to it too.
     #[must_use]
     pub fn voxel(&self, edge: BlockEdge, voxel: usize, mask: &VoxelMask) -> usize {
         let n = edge.voxels();
