@@ -10,11 +10,13 @@ const EXPONENTS: usize = MAGNITUDE_LIMIT.ilog2() as usize + 1;
 /// How many mantissa bits below the leading one have models; the rest are nearly uniform and are sent raw.
 const MODELLED_MANTISSA_BITS: u32 = 2;
 
-/// Adaptive model of a signed integer, zero most likely: zero or not, sign, exponent `e = ilog2(magnitude)` in unary,
-/// then the `e` bits below the leading one, the first two of them under models of their own.
+/// Adaptive model of a signed integer, zero most likely.
 ///
-/// This learns what a table of frequencies would learn about small values, and about large ones the shape only, so
-/// that a DC coefficient of a thousand levels needs no thousand-symbol alphabet.
+/// An integer is coded as zero or not, sign, exponent `e = ilog2(magnitude)` in unary, then the `e` bits below the leading one.
+/// The first two of these bits have models of their own.
+///
+/// The model learns what a table of frequencies would learn about small values, and about large ones the shape only. So a DC
+/// coefficient of a thousand levels needs no thousand-symbol alphabet.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct IntegerModel {
     zero: BitModel,

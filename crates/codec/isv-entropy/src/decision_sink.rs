@@ -1,4 +1,4 @@
-//! Where binary decisions go: into a stream, or into a count of what they would take.
+//! Destinations of binary decisions: a stream, or a count of the bits that they would take.
 
 use crate::model::PROBABILITY_BITS;
 use crate::range_coder::mean_probability;

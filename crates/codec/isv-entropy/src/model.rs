@@ -8,8 +8,8 @@ pub(crate) const PROBABILITY_BITS: u32 = 16;
 const FAST_SHIFT: u32 = 6;
 const SLOW_SHIFT: u32 = 9;
 
-/// Estimate of the probability that a bit is 1: the mean of a fast and a slow exponential average, both of which start
-/// as plain averages so that the first few symbols already count.
+/// Estimate of the probability that a bit is 1: the mean of a fast and a slow exponential average. Both start as plain averages,
+/// so that the first few symbols already count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BitModel {
     fast: u32,

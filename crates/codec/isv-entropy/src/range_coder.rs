@@ -36,7 +36,7 @@ impl RangeEncoder {
         self.encode_mixed([model], bit);
     }
 
-    /// Codes a bit under the mean of several models' estimates, all of which learn from it: each model sees the decision in
+    /// Codes a bit under the mean of several models' estimates, all of which learn from it. Each model sees the decision in
     /// another context, and their mean is better than any of them.
     pub fn encode_mixed<const N: usize>(&mut self, models: [&mut BitModel; N], bit: bool) {
         let bound = (self.range >> PROBABILITY_BITS) * mean_probability(&models);
