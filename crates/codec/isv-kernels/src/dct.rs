@@ -1,9 +1,9 @@
 //! Integer 3-D DCT of a block of prediction residuals, and its inverse.
 //!
-//! Separable: an N-point DCT-II with a 13-bit matrix along x, then y, then z; the inverse runs z, y, x. Every pass reads
-//! and writes 16-bit values and accumulates in 32 bits: a row's absolute entries sum to at most `sqrt(N) * 2^13`, so an
-//! accumulator stays within `4 * 2^13 * 2^15 = 2^30`. Between passes values are rescaled by powers of two that keep the
-//! largest possible residual just inside 16 bits, and saturate (only a stream that no encoder makes reaches that).
+//! Separable: an N-point DCT-II with a 13-bit matrix along x, then y, then z; the inverse runs z, y, x. Every pass reads and
+//! writes 16-bit values and accumulates in 32 bits. A row's absolute entries sum to at most `sqrt(N) * 2^13`, so an accumulator
+//! stays within `4 * 2^13 * 2^15 = 2^30`. Between passes values are rescaled by powers of two that keep the largest possible
+//! residual just inside 16 bits. Larger values saturate (only a stream that no encoder makes reaches that).
 
 use crate::simd::vectorized;
 use isv_volume::{BlockEdge, Truncation};
@@ -24,8 +24,8 @@ const MATRIX_16: [[i16; 16]; 16] = matrix(&COSINES_16);
 
 /// Unfolds the cosine table of the N-point matrix: entry `(k, n)` is `cos((2n + 1) k pi / 2N)`, and row 0 is `cos(pi / 4)`.
 ///
-/// With M below N these are the first M rows, taken not at N voxels but at the centres of M groups of N / M voxels:
-/// `cos((2n + 1) k pi / 2M)`, of which the table has every value.
+/// With M below N these are the first M rows. They are taken not at N voxels but at the centres of M groups of N / M voxels:
+/// `cos((2n + 1) k pi / 2M)`. The table has all of these values.
 const fn matrix<const M: usize>(cosines: &[i16]) -> [[i16; M]; M] {
     let points = cosines.len() - 1;
     let mut rows = [[0; M]; M];
@@ -55,8 +55,8 @@ pub struct BlockTransform {
 }
 
 impl BlockTransform {
-    /// Chooses the scale after each pass: the largest power of two that keeps a residual of twice the truncation
-    /// distance, which grows by at most `sqrt(N)` a pass, within 32767.
+    /// Chooses the scale after each pass: the largest power of two that keeps the largest residual within 32767. That residual is
+    /// twice the truncation distance, and grows by at most `sqrt(N)` a pass.
     #[must_use]
     pub fn new(edge: BlockEdge, truncation: Truncation) -> Self {
         let largest_squared = (2 * i64::from(truncation.codes())).pow(2);
@@ -87,9 +87,9 @@ impl BlockTransform {
 
     /// Forward transform in place: residuals `[z][y][x]` become coefficients `[w][v][u]`, u along x.
     ///
-    /// Residuals lie within twice the truncation distance. The transform and its inverse together return a block of
-    /// edge 8 within 9 codes (root mean square 2; test `roundtrip_error_is_as_documented` has all edges): coefficients
-    /// are stored in units of 4 codes there, which is what that error is.
+    /// Residuals lie within twice the truncation distance. The transform and its inverse together return a block of edge 8 within
+    /// 9 codes (root mean square 2). Coefficients are stored in units of 4 codes there, which is what that error is. Test
+    /// `roundtrip_error_is_as_documented` has all edges.
     ///
     /// # Panics
     /// If `block` does not hold `edge^3` values.
@@ -137,8 +137,8 @@ impl BlockTransform {
     }
 }
 
-/// The inverse transform at reduced resolution: the lowest `(edge >> reduction)^3` coefficients of a block give its samples
-/// at the centres of cubes of `2^reduction` voxels a side.
+/// Inverse transform at reduced resolution. The lowest `(edge >> reduction)^3` coefficients of a block give its samples at the
+/// centres of cubes of `2^reduction` voxels a side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReducedTransform {
     full: BlockTransform,

@@ -30,8 +30,8 @@ impl FaceFilter {
     /// Largest strength, in 1/64. A step shrinks to `1 - 5 strength / 128` of itself, so beyond 25 it would turn over.
     pub const MAX_STRENGTH: u8 = 25;
 
-    /// A filter that moves the samples at the face by `strength / 64` of the step, at most by `limit` codes, and keeps all
-    /// samples within the truncation. `None` if the strength is above [`Self::MAX_STRENGTH`].
+    /// A filter that moves the samples at the face by `strength / 64` of the step, at most by `limit` codes. It keeps all samples
+    /// within the truncation. `None` if the strength is above [`Self::MAX_STRENGTH`].
     #[must_use]
     pub fn new(strength: u8, limit: u8, truncation: Truncation) -> Option<Self> {
         (strength <= Self::MAX_STRENGTH).then_some(Self {
@@ -52,8 +52,8 @@ impl FaceFilter {
 /// m    = min(strength |step| >> 7, limit)
 /// ```
 ///
-/// `p0`, `p1`, `p2` move by `m`, `m >> 1`, `13 m >> 6` in the direction of the step and `q0`, `q1`, `q2` as much against it,
-/// and are clamped to the truncation. Intermediates stay below `2^22` for any samples.
+/// `p0`, `p1`, `p2` move by `m`, `m >> 1`, `13 m >> 6` in the direction of the step and `q0`, `q1`, `q2` as much against it. All
+/// are clamped to the truncation. Intermediates stay below `2^22` for any samples.
 ///
 /// # Panics
 /// If `axis` is above 2.
@@ -91,7 +91,7 @@ fn smooth<const STRIDE: usize>(lower: &mut Block, upper: &mut Block, filter: Fac
     true
 }
 
-/// Where in its block a line's sample of a layer is: layers 0 to 2 are the last of the lower block, 3 to 5 the first of the
+/// Index in its block of a line's sample of a layer. Layers 0 to 2 are the last of the lower block, 3 to 5 the first of the
 /// upper.
 #[inline(always)]
 fn position<const STRIDE: usize>(line: usize, layer: usize) -> usize {

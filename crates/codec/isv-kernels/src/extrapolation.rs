@@ -18,8 +18,8 @@ const STEEPEST: i16 = CODES_PER_VOXEL as i16;
 /// Least magnitude of an extrapolated sample, so that none is zero.
 const LEAST: i16 = 5;
 
-/// Slots whose blocks are nearer than this slot's to every voxel of the middle block, by slot: those whose offset agrees with
-/// this one's wherever it is not zero.
+/// Slots whose blocks are nearer than this slot's to every voxel of the middle block, by slot. The offset of such a block agrees
+/// with this slot's wherever it is not zero.
 const NEARER: [u32; 27] = nearer_slots();
 
 const fn offset(slot: usize) -> [i32; 3] {
@@ -85,9 +85,9 @@ impl Approach {
 /// - `neighbours`: samples within the truncation; at least one is there.
 /// - `truncation`: magnitude of no sample exceeds it; 512 to 4096 codes.
 ///
-/// Every sample has the sign of the vote of the blocks that touch it (`is_inside`). Its magnitude follows from the neighbour with the nearest voxel by L1 distance
-/// (at equal distances, the smaller magnitude): that voxel's sample, plus for each axis the slope there, clamped to one voxel
-/// a voxel, times the distance along the axis.
+/// Every sample has the sign of the vote of the blocks that touch it (`is_inside`). Its magnitude follows from the neighbour with
+/// the nearest voxel by L1 distance (at equal distances, the smaller magnitude). It is that voxel's sample, plus for each axis
+/// the slope there, clamped to one voxel a voxel, times the distance along the axis.
 pub fn extrapolate(neighbours: &CodedNeighbours, truncation: i16, out: &mut Block) -> bool {
     vectorized(
         #[inline(always)]

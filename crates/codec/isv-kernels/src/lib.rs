@@ -1,8 +1,8 @@
 //! The codec's arithmetic on one block: pure integer functions on arrays, no I/O, no clock. Tables and scratch are allocated when they
 //! are made, nothing in a kernel.
 //!
-//! Whatever the decoder repeats is here and is exact: every intermediate is bounded inside `i32`, or `i64` in [`surface_fit`], and rounding is
-//! stated, so any machine, instruction set or GPU gives the same bits (`docs/spec/format.md`, section 7).
+//! Whatever the decoder repeats is here and is exact. Every intermediate is bounded inside `i32`, or `i64` in [`surface_fit`],
+//! and rounding is stated. So any machine, instruction set or GPU gives the same bits (`docs/spec/format.md`, section 7).
 //!
 //! | file | step of the paper |
 //! |---|---|

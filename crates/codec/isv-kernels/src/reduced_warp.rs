@@ -1,9 +1,10 @@
 //! Warping at reduced resolution, so that it stays close to what the full decoder does.
 //!
 //! The full decoder interpolates linearly between its own voxels. Linear interpolation between larger voxels errs by four
-//! (sixteen) times as much on a curved field, always to the same side, and from frame to frame that adds up. So the two
-//! (in each direction) of the stream's positions between which the full decoder interpolates are first found by cubic
-//! interpolation of the larger voxels, and then blended as it does: exact wherever the field is a cubic polynomial.
+//! (sixteen) times as much on a curved field. It errs always to the same side, and from frame to frame that adds up.
+//!
+//! In each direction, the full decoder interpolates between two of the stream's positions. So these two are first found by cubic
+//! interpolation of the larger voxels, and then blended as it does. The result is exact wherever the field is a cubic polynomial.
 
 /// Fractional bits of [`WEIGHTS`].
 const WEIGHT_BITS: u32 = 13;

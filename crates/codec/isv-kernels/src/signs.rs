@@ -22,7 +22,7 @@ pub fn inside(block: &Block) -> [u64; 8] {
     )
 }
 
-/// The same of a row of up to 16 samples, to be inlined into [`vectorized`] work.
+/// Which samples of a row of up to 16 lie inside the surface: a bit a sample. To be inlined into [`vectorized`] work.
 #[must_use]
 #[inline(always)]
 pub fn inside_row<const SIDE: usize>(samples: &[i16; SIDE]) -> u16 {

@@ -1,8 +1,8 @@
 //! Plain loops, compiled for each instruction set, and the one place that decides which of them runs.
 //!
-//! The best set that the machine has is used, unless [`choose`] says otherwise. Results are the same in all of them, bit for
-//! bit, so a choice changes nothing but speed and may be made at any time; it is for tests, for counting instructions and for
-//! finding out whether an instruction set is to blame.
+//! The best set that the machine has is used, unless [`choose`] says otherwise. Results are the same in all of them, bit for bit,
+//! so a choice changes nothing but speed and may be made at any time. It is for tests, for counting instructions and for finding
+//! out whether an instruction set is to blame.
 
 use fearless_simd::{Level, Simd, dispatch};
 use std::fmt;
@@ -20,7 +20,7 @@ pub enum Instructions {
     /// The best that the machine has.
     #[default]
     Best,
-    /// None but those of every machine of the target, which the compiler may still use for plain loops; explicit vectors are
+    /// None but those of every machine of the target, which the compiler may still use for plain loops. Explicit vectors are
     /// worked on lane by lane. The reference.
     Scalar,
     /// x86: SSE2, which every machine of 64 bits has.
@@ -196,9 +196,9 @@ impl Drop for Restore {
     }
 }
 
-/// Runs a piece of work compiled for the instructions that are in use (AVX-512, AVX2, SSE4.2, NEON, simd128 or none). What it
-/// inlines is compiled with it; integer and floating-point results are those of the plain code, bit for bit, for the compiler
-/// neither reorders nor fuses operations.
+/// Runs a piece of work compiled for the instructions that are in use (AVX-512, AVX2, SSE4.2, NEON, simd128 or none). Whatever
+/// the work inlines is compiled with it. Integer and floating-point results are those of the plain code, bit for bit, for the
+/// compiler neither reorders nor fuses operations.
 ///
 /// `work` and all that it calls must be marked `#[inline(always)]`; what is not inlined is compiled for the baseline.
 #[inline(always)]

@@ -1,13 +1,13 @@
 //! Spatial prediction of a block: a quadric through the surface of the blocks around it, by weighted least squares.
 //!
 //! Near the surface a signed distance is smooth, and a block that the surface enters continues what its neighbours hold.
-//! [`SurfaceFit`] gathers the voxels of decoded neighbours that lie within four layers of the block, weighted by
-//! `exp(-|s| - far / 2)` (`s` the sample and `far` the layer, in voxels), and fits
+//! [`SurfaceFit`] gathers the voxels of decoded neighbours that lie within four layers of the block. Their weights are
+//! `exp(-|s| - far / 2)` (`s` the sample and `far` the layer, in voxels). It fits
 //! `k0 + kx x + ky y + kz z + kxx x^2 + ... + kyz y z` to them with a small ridge. The block's prediction is that quadric.
 //!
-//! All of it is integers. Positions are odd numbers of half voxels from the block's centre, -15 to 15; in the equations they
-//! count block edges, so that no monomial exceeds 1 and the matrix is well conditioned.
-//! Edge 8 only (`docs/spec/format.md`, spatial prediction).
+//! All of it is integers. Positions are odd numbers of half voxels from the block's centre, -15 to 15. In the equations they
+//! count block edges, so that no monomial exceeds 1 and the matrix is well conditioned. Edge 8 only (`docs/spec/format.md`,
+//! spatial prediction).
 
 use crate::block8::{Block, EDGE};
 use crate::simd::vectorized;
@@ -39,7 +39,7 @@ const COEFFICIENT_BITS: u32 = 4;
 /// `886 * 2^21 + 2^11 < 2^31`.
 const COEFFICIENT_LIMIT: i64 = (1 << 21) - 1;
 
-/// Exponents of the basis `1, x, y, z, x^2, y^2, z^2, xy, xz, yz`, each as `a + 5 b + 25 c` for `x^a y^b z^c`: no exponent of a
+/// Exponents of the basis `1, x, y, z, x^2, y^2, z^2, xy, xz, yz`, each as `a + 5 b + 25 c` for `x^a y^b z^c`. No exponent of a
 /// product of two exceeds 4, so its index is the sum of theirs.
 const MONOMIALS: [usize; TERMS] = [0, 1, 5, 25, 2, 10, 50, 6, 26, 30];
 /// Added to the diagonal: 1/1000, 1/50 and 30 voxels of full weight in units of voxels, here in those of the matrix.
@@ -49,9 +49,9 @@ const RIDGE: [i32; TERMS] = [2097, 655, 655, 655, 15360, 15360, 15360, 15360, 15
 /// What a block's neighbours say about the surface inside it: moments of their weighted voxels.
 ///
 /// For each of 16 positions along x it holds `sum w y^b z^c` and `sum w s y^b z^c`. Weights, 2048 at a distance of 0, are at most
-/// 1238, 755, 458 and 277 in the layers 1 to 4, which have 488, 728, 1016 and 1352 voxels: they sum to less than `2^21`. Products
-/// of weight and sample are at most 117648, 71022, 43200 and 26361 there and sum to less than `2^28`. With the powers of y and
-/// z no sum over the voxels of one x exceeds `3/4 2^31` (test `sums_stay_within_their_bounds`).
+/// 1238, 755, 458 and 277 in the layers 1 to 4. These layers have 488, 728, 1016 and 1352 voxels, so weights sum to less than
+/// `2^21`. Products of weight and sample are at most 117648, 71022, 43200 and 26361 there and sum to less than `2^28`. With the
+/// powers of y and z no sum over the voxels of one x exceeds `3/4 2^31` (test `sums_stay_within_their_bounds`).
 #[derive(Clone, Debug)]
 pub struct SurfaceFit {
     /// `[c][b][column]`, `b + c <= 4`.
@@ -210,7 +210,7 @@ struct Pillars<const N: usize> {
 }
 
 impl<const N: usize> Pillars<N> {
-    /// Of a neighbour with `X` pillars a row.
+    /// Sums over z in a neighbour with `X` pillars a row.
     #[inline(always)]
     fn new<const X: usize>(offset: [i32; 3], samples: &Block) -> Self {
         let [x0, y0] = [near(offset[0]).start, near(offset[1]).start];
@@ -441,7 +441,7 @@ mod tests {
         move || random.next_f64()
     }
 
-    /// The same prediction in real numbers, in codes and without the clamp; positions and samples in voxels.
+    /// Prediction by the same fit in real numbers, in codes and without the clamp. Positions and samples are in voxels.
     fn real_prediction(blocks: &[([i32; 3], Vec<i16>)]) -> Option<Vec<f64>> {
         let basis = |[x, y, z]: [f64; 3]| [1.0, x, y, z, x * x, y * y, z * z, x * y, x * z, y * z];
         let mut rows = [[0.0; TERMS + 1]; TERMS];

@@ -45,8 +45,8 @@ impl MotionVector {
     /// No motion.
     pub const ZERO: Self = Self { translation: [0; 3], rotation: [0; 3] };
 
-    /// Largest translation component for a block edge, in steps: one voxel less than the edge, so that a translated
-    /// block and the far corners of its interpolation cells stay inside the stitched neighbourhood.
+    /// Largest translation component for a block edge, in steps: one voxel less than the edge. So a translated block and the far
+    /// corners of its interpolation cells stay inside the stitched neighbourhood.
     #[must_use]
     pub fn translation_limit(edge: BlockEdge) -> i32 {
         (edge.voxels() as i32 - 1) * STEPS_PER_VOXEL
@@ -157,9 +157,9 @@ impl StitchedReference {
 
     /// The block's motion-compensated prediction: its `edge^3` samples, x fastest, taken at the moved positions.
     ///
-    /// Position of voxel `p` in 1/64 voxel, from the cube's first voxel: `64 (edge + c) + 16 t + R (p - c) * 64`, with `c`
-    /// the block's centre `(edge - 1) / 2` and the rotated part rounded half up; clamped into the cube. In voxels of
-    /// `2^reduction` times the size `16 t` is as many times less, which is still whole. Samples there can exceed those of the
+    /// Position of voxel `p` in 1/64 voxel, from the cube's first voxel: `64 (edge + c) + 16 t + R (p - c) * 64`, with `c` the
+    /// block's centre `(edge - 1) / 2`. The rotated part is rounded half up, and the position is clamped into the cube. In voxels
+    /// of `2^reduction` times the size `16 t` is as many times less, which is still whole. Samples there can exceed those of the
     /// reference, by a quarter along each axis.
     ///
     /// # Panics
@@ -331,7 +331,7 @@ mod tests {
         slow_positions(reference, motion).iter().map(|position| slow_sample(reference, position)).collect()
     }
 
-    /// Where the warp samples, in voxels from the cube's first.
+    /// Positions where the warp samples, in voxels from the cube's first.
     fn slow_positions(reference: &StitchedReference, motion: MotionVector) -> Vec<[f64; 3]> {
         let n = reference.block_side();
         let c = (n as f64 - 1.0) / 2.0;

@@ -1,7 +1,7 @@
 //! Translation by quarter voxels, from just the samples that it reads: those of [`crate::warp`], bit for bit.
 //!
-//! All voxels of a block have the same fractions, so interpolation goes along x, then y, then z, in quarters: exact up to the
-//! one rounding at the end. Blocks of 8 voxels a side only.
+//! All voxels of a block have the same fractions, so interpolation goes along x, then y, then z, in quarters. It is exact up to
+//! the one rounding at the end. Blocks of 8 voxels a side only.
 
 use crate::block8::Block;
 use crate::simd;
@@ -20,7 +20,7 @@ pub const ROW: usize = 16;
 pub struct WindowRows {
     /// `[9 z + y][x]`.
     pub samples: [[i16; ROW]; ROWS],
-    /// Where in its row the window begins: 0 to 7.
+    /// First sample of the window in its row: 0 to 7.
     pub first: usize,
 }
 
