@@ -35,7 +35,7 @@ pub enum FormatError {
     /// The bytes break the format.
     #[error("{what} at byte {at}")]
     Malformed {
-        /// Where the offending structure begins.
+        /// Offset of the offending structure in the stream (bytes).
         at: u64,
         /// What is wrong.
         what: String,
@@ -43,7 +43,7 @@ pub enum FormatError {
     /// The bytes end inside a structure.
     #[error("cut off at byte {at}, inside {inside}")]
     Truncated {
-        /// Where the bytes end.
+        /// Offset at which the bytes end.
         at: u64,
         /// What was being read.
         inside: &'static str,
@@ -51,7 +51,7 @@ pub enum FormatError {
     /// A checksum does not match: the bytes were damaged.
     #[error("damaged: checksum of {what} at byte {at} does not match")]
     Checksum {
-        /// Where the structure begins.
+        /// Offset of the structure in the stream (bytes).
         at: u64,
         /// What was checked.
         what: &'static str,
@@ -59,7 +59,7 @@ pub enum FormatError {
     /// Valid, but above a bound on memory.
     #[error("{what}: {asked}, above the limit of {allowed}, at byte {at}")]
     LimitExceeded {
-        /// Where the structure begins.
+        /// Offset of the structure in the stream (bytes).
         at: u64,
         /// What is too large.
         what: &'static str,

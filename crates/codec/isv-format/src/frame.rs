@@ -4,12 +4,12 @@ use crate::bytes::{ByteReader, put_varint};
 use crate::header::STEP_LIMIT;
 use crate::{FormatError, Profile};
 
-/// Where the prediction of a frame's blocks comes from (Sec. 3.4 and 3.5).
+/// Source of the prediction of a frame's blocks (Sec. 3.4 and 3.5).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Prediction {
     /// Nothing: intra-coded blocks.
     None,
-    /// The same block of the frame before.
+    /// The frame before, each block from the one at its own place.
     ZeroMotion,
     /// The frame before, translated a block at a time.
     ThreeDof,
@@ -133,7 +133,7 @@ pub enum FrameCoding {
         /// How blocks are predicted; [`Prediction::None`] on keyframes.
         prediction: Prediction,
     },
-    /// Those of profile `main`.
+    /// Fields of profile `main`.
     Main(MainFrameHeader),
 }
 
@@ -291,7 +291,7 @@ pub struct SlicePayload<'a> {
 /// A frame payload taken apart.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FramePayload<'a> {
-    /// Its header.
+    /// Header of the frame.
     pub header: FrameHeader,
     /// The set of blocks.
     pub block_set: &'a [u8],
@@ -456,8 +456,8 @@ mod tests {
         }
     }
 
-    /// In profile `main` blocks are translated or not predicted; cells are skipped only where something is predicted, and not in a
-    /// frame that is to be read without the one before.
+    /// In profile `main` blocks are translated or not predicted. Cells are skipped only where something is predicted, and not in
+    /// a frame that is to be read without the one before.
     #[test]
     fn main_has_four_kinds_of_frames() {
         let bytes = payload(FrameCoding::Main(MAIN_HEADER)).to_bytes();

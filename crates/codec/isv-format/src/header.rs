@@ -28,7 +28,7 @@ pub enum Profile {
 }
 
 impl Profile {
-    /// Its name: `paper` or `main`.
+    /// Name of the profile: `paper` or `main`.
     #[must_use]
     pub fn name(&self) -> &'static str {
         match self {

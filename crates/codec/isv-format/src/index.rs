@@ -7,16 +7,16 @@ use std::io::{Read, Seek, SeekFrom};
 
 const TRAILER_MAGIC: [u8; 4] = *b"ISVX";
 
-/// Where one frame is.
+/// Place of one frame in a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct IndexEntry {
-    /// Where its packet header begins in the stream.
+    /// Offset of the frame's packet header in the stream (bytes).
     pub at: u64,
     /// Whether decoding can begin here.
     pub keyframe: bool,
 }
 
-/// Where every frame of a stream is.
+/// Places of all frames of a stream.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct StreamIndex {
     /// One entry a frame, in order.
@@ -24,8 +24,8 @@ pub struct StreamIndex {
 }
 
 impl StreamIndex {
-    /// Size in bytes of the trailer that follows the index packet: where that packet begins (8), magic (4), CRC-32 of the
-    /// 12 bytes before it (4).
+    /// Size in bytes of the trailer that follows the index packet. Its fields are the offset of that packet (8), magic (4), and
+    /// the CRC-32 of the 12 bytes before it (4).
     pub const TRAILER_BYTES: usize = 16;
 
     /// Bytes of a frame in the payload.
@@ -71,7 +71,7 @@ impl StreamIndex {
         out.try_into().expect("the fields above fill the trailer")
     }
 
-    /// Where the trailer says that the index packet begins; `None` if these are not the bytes of a trailer.
+    /// Offset of the index packet (bytes) that the trailer states; `None` if these are not the bytes of a trailer.
     #[must_use]
     pub fn parse_trailer(bytes: &[u8; Self::TRAILER_BYTES]) -> Option<u64> {
         let at = u64::from_le_bytes(bytes[..8].try_into().expect("eight bytes"));
@@ -83,8 +83,8 @@ impl StreamIndex {
         bytes[8..12] == TRAILER_MAGIC
     }
 
-    /// Index of a stream that can seek: read from its end, or made by walking the packets where the end is missing, as
-    /// after a crash of the writer, or damaged. Then frames before a cut or damage are found; neither is an error here.
+    /// Index of a stream that can seek, read from its end. Where the end is missing, as after a crash of the writer, or damaged,
+    /// it is made by walking the packets. Then frames before a cut or damage are found; neither is an error here.
     ///
     /// # Errors
     /// Those of the source, and bytes that do not begin with a stream header of a known version.
@@ -99,7 +99,7 @@ impl StreamIndex {
         }
     }
 
-    /// Where the index packet begins by the trailer, if there is one.
+    /// Offset of the index packet (bytes) by the trailer, if there is one.
     fn index_at(source: &mut (impl Read + Seek)) -> Result<Option<u64>, FormatError> {
         let length = source.seek(SeekFrom::End(0))?;
         let smallest = StreamHeader::BYTES + PacketHeader::BYTES + Self::TRAILER_BYTES;

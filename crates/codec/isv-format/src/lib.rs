@@ -8,8 +8,8 @@
 //! geometry part = FrameHeader, block-set segment, mask segment, then a segment of modes and one of coefficients a slice
 //! ```
 //!
-//! Everything can be written to a pipe and read from one: no field is patched afterwards and nothing needs the index,
-//! which only saves a reader that can seek from walking the packets.
+//! Everything can be written to a pipe and read from one: no field is patched afterwards and nothing needs the index. The index
+//! only saves a reader that can seek from walking the packets.
 
 mod bytes;
 mod chain;

@@ -112,8 +112,8 @@ impl PacketHeader {
         out.try_into().expect("the fields above fill the header")
     }
 
-    /// Bytes of payload behind a header that begins at byte `at` of the stream: all that can be relied on before the checksum, for
-    /// which the payload is needed.
+    /// Bytes of payload behind a header that begins at byte `at` of the stream. Nothing else can be relied on before the
+    /// checksum, for which the payload is needed.
     ///
     /// # Errors
     /// A wrong magic, or a payload above the limit.
@@ -191,11 +191,11 @@ pub(crate) fn checksum(fields: &[u8], payload: &[u8]) -> u32 {
 /// A whole packet, checksum verified.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Packet {
-    /// Its header.
+    /// Header of the packet.
     pub header: PacketHeader,
-    /// Where the header begins in the stream.
+    /// Offset of the header in the stream (bytes).
     pub at: u64,
-    /// Its payload.
+    /// Bytes behind the header, as many as it states.
     pub payload: Vec<u8>,
 }
 
@@ -241,14 +241,14 @@ impl Packet {
         keyframe || first.is_some_and(|code| FrameKind::of_payload_is_resilient(*code, profile))
     }
 
-    /// Whether so many damaged bytes before this packet may have held its keyframe and all frames since: then the count in its header
-    /// says nothing about the frame before the damage, which it may fit by chance.
+    /// Whether so many damaged bytes before this packet may have held its keyframe and all frames since. Then the count in its
+    /// header says nothing about the frame before the damage, which it may fit by chance.
     #[must_use]
     pub fn may_lack_keyframe(&self, damaged: u64) -> bool {
         damaged >= u64::from(self.header.since_keyframe) * PacketHeader::BYTES as u64
     }
 
-    /// Where the payload begins in the stream.
+    /// Offset of the payload in the stream (bytes).
     #[must_use]
     pub fn payload_at(&self) -> u64 {
         self.at + PacketHeader::BYTES as u64

@@ -77,7 +77,7 @@ impl<R: Read> PacketReader<R> {
         self.source
     }
 
-    /// Where the next packet begins, or the stream ends once it is [complete](Self::complete).
+    /// Offset (bytes) at which the next packet begins, or the stream ends once it is [complete](Self::complete).
     pub fn at(&self) -> u64 {
         self.at
     }

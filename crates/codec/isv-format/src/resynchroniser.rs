@@ -9,9 +9,10 @@ use std::io::{self, Read};
 
 /// Most bytes asked of the source at a time.
 const CHUNK: usize = 1 << 16;
-/// Bytes that may be read in vain, as packets that turn out to be none: so many at first and never more at once, and so many
-/// regained for each byte passed. Packets beyond what is left are damage unless they are short. Otherwise a stream of false
-/// packets, each said to reach to its end, would take the square of its length.
+/// Bytes that may be read in vain, as packets that turn out to be none, or the largest payload allowed, if that is more. A reader
+/// has so many at first and never more at once. Each byte passed regains [`PATIENCE_REGAINED`]. Packets beyond what is left are
+/// damage unless they are short. Otherwise a stream of false packets, each said to reach to its end, would take the square of its
+/// length.
 const PATIENCE: usize = 1 << 26;
 const PATIENCE_REGAINED: usize = 16;
 /// Largest payload (bytes) that counts as short.

@@ -11,14 +11,14 @@ pub enum Salvaged {
     Frame(Packet),
     /// Bytes that are no packet.
     Damage {
-        /// Where they begin in the stream.
+        /// Offset of the first damaged byte in the stream.
         at: u64,
         /// How many they are.
         bytes: u64,
     },
     /// The header of another stream, as where two files were joined byte for byte: nothing behind it belongs to this one. The end.
     OtherStream {
-        /// Where it begins.
+        /// Offset of the other stream's header (bytes).
         at: u64,
     },
 }
@@ -29,7 +29,7 @@ pub enum Salvaged {
 pub struct SalvageReader<R> {
     pieces: Resynchroniser<R>,
     header: StreamHeader,
-    /// Where the damage that is being passed over began.
+    /// Offset (bytes) at which the damage that is being passed over began.
     damaged_since: Option<u64>,
     /// What was found behind damage, which is told first.
     found: Option<Salvaged>,

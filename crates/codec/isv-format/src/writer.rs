@@ -15,7 +15,7 @@ pub struct PacketWriter<W> {
     has_colour: bool,
     at: u64,
     since_keyframe: u16,
-    /// Where frames are, up to one more than an index can hold.
+    /// Places of the frames written, up to one more than an index can hold.
     index: StreamIndex,
     most_indexed: usize,
 }
@@ -102,8 +102,8 @@ impl<W: Write> PacketWriter<W> {
         Ok(bytes)
     }
 
-    /// Writes a frame packet of a stream with the same header as it is, colour part and all, but for its time, and returns its size in
-    /// bytes.
+    /// Writes a frame packet of a stream with the same header, and returns its size in bytes. The packet stays as it is, colour
+    /// part and all, but for its time.
     ///
     /// # Errors
     /// I/O errors of the sink.

@@ -1,5 +1,5 @@
-//! Version 2 of the container: colour parts are kept apart, and packets of unknown types are skipped or stop a reader, in all ways of
-//! reading a stream.
+//! Version 2 of the container, in all ways of reading a stream. Colour parts are kept apart, and packets of unknown types are
+//! skipped or stop a reader.
 
 use isv_format::{
     ColourLayers, FormatError, FormatVersion, FrameCoding, FrameHeader, FrameKind, FramePayload, FrameRate,
