@@ -158,8 +158,8 @@ impl<S: Read + Seek> Mp4File<S> {
         Ok(data)
     }
 
-    /// Places for a viewer who begins with the last sync sample: the end of the boxes before the fragments, and the begin of the
-    /// sample's fragment. `None` if there is no such sample.
+    /// Places for a viewer that begins with the last sync sample. They are the end of the boxes before the fragments, and the
+    /// begin of the sample's fragment. `None` if there is no such sample.
     #[must_use]
     pub fn last_entry(&self) -> Option<(u64, u64)> {
         let geometry = &self.tracks[self.track_of(TrackKind::Geometry).ok()?];
