@@ -299,8 +299,8 @@ impl Codec {
         points
     }
 
-    /// Quantization parameter of TMC13 for the colours at a point of its own: the finer the geometry, the finer the colours, as MPEG's test
-    /// conditions pair them.
+    /// Quantization parameter of TMC13 for the colours at one of its points. Finer geometry has finer colours, as in MPEG's test
+    /// conditions.
     pub(crate) fn colour_qp(scale: Scale, point: OperatingPoint) -> u8 {
         let steps_to_finest = match point {
             OperatingPoint::Nodes { size_log2, .. } => size_log2.saturating_sub(NODES[0].1),
