@@ -98,9 +98,9 @@ impl Draco {
         ]
     }
 
-    /// Encodes positions and triangles, not normals, at compression level 10. Positions are handed over in metres, rounded
-    /// to `f32` and otherwise as they are; Draco quantizes them to `2^position_bits` steps of the longest side of their
-    /// bounding box.
+    /// Encodes positions and triangles, not normals, at compression level 10. Draco gets positions in metres, rounded to
+    /// `f32` and otherwise as they are. It quantizes them to `2^position_bits` steps of the longest side of their bounding
+    /// box.
     ///
     /// # Errors
     /// See [`DracoError`].

@@ -21,8 +21,8 @@ pub enum TrainingError {
     BlockTooLarge,
 }
 
-/// First and second moments of the blocks of some volumes: what a Karhunen-Loève transform is learned from, and what the
-/// energy compaction of any transform is measured on.
+/// First and second moments of the blocks of some volumes. A Karhunen-Loève transform is learned from them, and the
+/// energy compaction of any transform is measured on them.
 ///
 /// Sums are exact integers, so neither the order of volumes nor the number of threads matters. Memory is `8 * n * n`
 /// bytes for n voxels a block (2 MiB at an edge of 8), whatever is added. Samples of unobserved voxels count as the codec's
@@ -115,14 +115,15 @@ impl BlockMoments {
         Ok(BlockBasis::from_rows(self.edge, self.mean(), rows.collect()))
     }
 
-    /// Share of the blocks' energy that a transform recovers from its first K coefficients, for K from 0 to all n: n + 1
-    /// numbers up to 1.
+    /// Share of the blocks' energy that a transform recovers from its first K coefficients. There are n + 1 numbers up to
+    /// 1, for K from 0 to all n.
     ///
-    /// The energy is that about these blocks' own mean, and what is not recovered is the squared error of a
-    /// reconstruction from K coefficients without quantization: `1 - sum |x - x_K|^2 / sum |x - m|^2`. So all transforms
-    /// are held against the same energy, whatever mean they carry: the fixed DCT has none and spends coefficients on it,
-    /// and a mean learned from other scenes that does not fit these costs. A KLT of these very blocks is the best there
-    /// is at every K. The share can be negative at K = 0. Of blocks that are all the same, 1 is returned throughout.
+    /// The energy is that about these blocks' own mean. The part that is not recovered is the squared error of a
+    /// reconstruction from K coefficients without quantization. So the share is `1 - sum |x - x_K|^2 / sum |x - m|^2`. All
+    /// transforms are held against the same energy, whatever mean they carry. The fixed DCT has none and spends
+    /// coefficients on it. A mean learned from other scenes costs something if it does not fit these blocks. A KLT of these
+    /// very blocks is the best there is at every K. The share can be negative at K = 0. Of blocks that are all the same, 1
+    /// is returned throughout.
     ///
     /// # Errors
     /// [`TrainingError::NoBlocks`].

@@ -8,8 +8,8 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 use thiserror::Error;
 
-/// How often a running program is looked at, at first and at most; its time is known this well. Between the two a look comes
-/// after a twentieth of the time it has run, so that short programs are seen as well as long ones.
+/// How often a running program is looked at, at first and at most; its time is known this well. Between the two a look
+/// comes after a twentieth of the time that it has run. So short programs are seen as well as long ones.
 const POLL: [Duration; 2] = [Duration::from_micros(50), Duration::from_micros(500)];
 
 /// A peak of less is that of the child before it became the program.
@@ -25,8 +25,8 @@ pub struct ProgramRun<T> {
     pub output: T,
     /// Wall time from start to end in milliseconds: all of the program, its reading and writing of files included.
     pub ms: f64,
-    /// Most memory that it had at a time, in bytes; `None` where the system does not say (it is Linux that does) and
-    /// for programs that are over before they are looked at.
+    /// Most memory that it had at a time, in bytes. It is `None` where the system does not say (only Linux does), and for
+    /// programs that end before they are looked at.
     pub peak_memory_bytes: Option<u64>,
 }
 
@@ -183,8 +183,8 @@ impl Drop for Running {
     }
 }
 
-/// Largest resident set of a process so far. The figure that `wait4` hands over would be the parent's wherever that is larger:
-/// a fork begins with the parent's pages, and its maximum survives the exec.
+/// Largest resident set of a process so far. The figure of `wait4` would be the parent's wherever that is larger. A
+/// fork begins with the parent's pages, and its maximum survives the exec.
 fn peak_memory(process: u32) -> Option<u64> {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

@@ -173,7 +173,7 @@ mod tests {
     struct Outcome {
         share_left: f64,
         mean_mm: f64,
-        /// Of 10-bit Draco.
+        /// Size under 10-bit Draco (bytes).
         bytes: usize,
     }
 

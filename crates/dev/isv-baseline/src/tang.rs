@@ -1,8 +1,8 @@
 //! Tang et al. 2018, "Real-time Compression and Streaming of 4D Performances": intra-only coding of TSDF blocks under a
 //! learned transform.
 //!
-//! Everything but the transform and its quantizer is isv's own: the same blocks and masks, the same [`FrameSymbols`],
-//! the same syntax, models and range coder, the same payload. So a difference in rate is a difference of transforms.
+//! Everything but the transform and its quantizer is isv's own. Blocks, masks, [`FrameSymbols`], syntax, models, range
+//! coder and payload are the same. So a difference in rate is a difference of transforms.
 
 use crate::BlockBasis;
 use crate::basis::LeadingBasis;
@@ -100,7 +100,7 @@ pub enum TangError {
 pub struct TangEncoder {
     codec: BlockCodec,
     entropy: EntropyState,
-    /// Those of the last frame.
+    /// Symbols of the last frame.
     symbols: Option<FrameSymbols>,
 }
 
