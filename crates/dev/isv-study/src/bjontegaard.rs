@@ -1,10 +1,10 @@
 //! Bjontegaard deltas: how much rate one codec saves against another at equal quality, and how much quality it gains at
-//! equal rate (Bjontegaard, VCEG-M33; piecewise-cubic as in the JVET reporting template, VCEG-AE07).
+//! equal rate. They are Bjontegaard's (VCEG-M33), but piecewise-cubic as in the JVET reporting template (VCEG-AE07).
 //!
-//! Each codec's points become a curve of the logarithm of the rate over quality (or the other way round), interpolated by
-//! monotone piecewise cubics (Fritsch and Butland 1984, the "pchip" of numerical packages), which, unlike one polynomial
-//! through all points, cannot swing between them. The mean difference of two curves over the quality (or log rate) that
-//! both cover is the delta.
+//! Each codec's points become a curve of the logarithm of the rate over quality (or the other way round). Monotone
+//! piecewise cubics interpolate it (Fritsch and Butland 1984, the "pchip" of numerical packages). Unlike one polynomial
+//! through all points, they cannot swing between the points. The mean difference of two curves over the quality (or log
+//! rate) that both cover is the delta.
 
 /// An operating point: rate in any unit, above 0, and quality in decibels, higher better.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,8 +33,8 @@ pub struct MeanDifference {
     pub mean: f64,
     /// What both curves cover, from and to.
     pub overlap: [f64; 2],
-    /// Length of the overlap over that of all that either curve covers, 0 to 1 (of rates by ratio): a small share means that
-    /// the codecs work in different places and the difference says little.
+    /// Length of the overlap over that of all that either curve covers, 0 to 1 (of rates by ratio). A small share means
+    /// that the codecs work in different places and the difference says little.
     pub overlap_share: f64,
 }
 
@@ -56,8 +56,8 @@ pub fn delta(anchor: &[RatePoint], test: &[RatePoint]) -> Delta {
     }
 }
 
-/// The points that someone would use, by rising rate and quality: those for which no other point has at least the quality
-/// at no more rate. Points that are not numbers are left out.
+/// The points that someone would use, by rising rate and quality. No other point has at least the quality of one of
+/// them at no more rate. Points that are not numbers are left out.
 #[must_use]
 pub fn useful_points(points: &[RatePoint]) -> Vec<RatePoint> {
     let mut sorted: Vec<_> =
@@ -128,8 +128,8 @@ impl Curve {
     }
 }
 
-/// Slopes at the points: the weighted harmonic mean of the two secants (Fritsch and Butland), at the ends a three-point
-/// estimate that keeps the sign and at most three times the size of the first secant.
+/// Slopes at the points: the weighted harmonic mean of the two secants (Fritsch and Butland). At the ends a three-point
+/// estimate keeps the sign and at most three times the size of the first secant.
 fn monotone_slopes(x: &[f64], y: &[f64]) -> Vec<f64> {
     let width: Vec<f64> = x.windows(2).map(|w| w[1] - w[0]).collect();
     let secant: Vec<f64> = y.windows(2).zip(&width).map(|(w, h)| (w[1] - w[0]) / h).collect();

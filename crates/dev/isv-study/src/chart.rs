@@ -13,8 +13,8 @@ const PNG_SCALE: f32 = 2.0;
 /// Room left beyond the first and last point, as a share of what the points span.
 const MARGIN: f64 = 0.05;
 
-/// Ratio of the largest to the smallest value that a logarithmic axis shows: what is below is left out, such as the distance
-/// of a mesh that came back as it was, which is rounding or nothing.
+/// Ratio of the largest to the smallest value that a logarithmic axis shows. Values below are left out. One is the
+/// distance of a mesh that came back as it was, which is rounding or nothing.
 const LARGEST_RATIO: f64 = 1e4;
 
 /// Smallest value that a logarithmic axis shows: a bit a second, a nanometre in millimetres.
@@ -65,7 +65,7 @@ impl Axis {
 pub struct Series {
     /// In the legend.
     pub name: String,
-    /// As in CSS.
+    /// Colour of the line, as in CSS.
     pub colour: String,
     /// Whether the line is broken.
     pub dashed: bool,
@@ -105,7 +105,7 @@ pub enum Chart {
 }
 
 impl Chart {
-    /// As an SVG document, which scales with the place that it is put into.
+    /// Renders the chart as an SVG document, which scales with the place that it is put into.
     #[must_use]
     pub fn svg(&self) -> String {
         let (plots, layout) = self.plots();
@@ -117,7 +117,7 @@ impl Chart {
         )
     }
 
-    /// As a PNG file.
+    /// Renders the chart as a PNG file.
     ///
     /// # Errors
     /// What the renderer says.

@@ -384,7 +384,7 @@ impl FromStr for Codec {
     }
 }
 
-/// As in file names: `k64-ac10mm`, `k64-step20mm`, `10-bit`.
+/// Writes the point as in file names: `k64-ac10mm`, `k64-step20mm`, `10-bit`.
 impl fmt::Display for OperatingPoint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mm = |metres: f64| (metres * 1e6).round() / 1e3;

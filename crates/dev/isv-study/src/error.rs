@@ -19,7 +19,7 @@ pub enum StudyError {
     /// A take without frames.
     #[error("{take}: no frames to study")]
     NoFrames {
-        /// Its name.
+        /// Name of the take.
         take: String,
     },
     /// A codec needs other takes to be trained on, and there are none.
@@ -28,7 +28,7 @@ pub enum StudyError {
     /// A frame that does not become a volume.
     #[error("frame {frame}: {cause}")]
     Ingest {
-        /// Its number in the take.
+        /// Number of the frame in the take.
         frame: usize,
         /// What is wrong with it.
         cause: IngestError,
@@ -94,7 +94,7 @@ pub enum StudyError {
     /// A decoded frame that cannot be compared with what went in.
     #[error("frame {frame}: {cause}")]
     Compare {
-        /// Its number in the take.
+        /// Number of the frame in the take.
         frame: usize,
         /// Why.
         cause: CompareError,

@@ -37,7 +37,7 @@ impl Metric {
         Self::COLOUR.contains(&self)
     }
 
-    /// Its key in `isv eval --json`.
+    /// Key of the measure in `isv eval --json`.
     #[must_use]
     pub fn key(self) -> &'static str {
         match self {
@@ -52,7 +52,7 @@ impl Metric {
         }
     }
 
-    /// Its name in titles.
+    /// Name of the measure in titles.
     #[must_use]
     pub fn title(self) -> &'static str {
         match self {

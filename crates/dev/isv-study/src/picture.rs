@@ -1,4 +1,4 @@
-//! The same frame as each codec gives it back, beside what went in.
+//! Pictures of one frame as each codec gives it back, beside what went in.
 
 use crate::{Metric, Record, StudyError};
 use glam::DVec3;
@@ -33,7 +33,7 @@ pub struct CodecPicture {
     pub caption: String,
     /// All of it.
     pub whole: View,
-    /// Its top.
+    /// Top of the mesh.
     pub close_up: View,
 }
 

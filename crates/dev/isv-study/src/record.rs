@@ -110,7 +110,7 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// Of the times of all frames; zero without frames.
+    /// Median and mean of the times of all frames; zero without frames.
     #[must_use]
     pub fn from_ms(mut ms: Vec<f64>) -> Self {
         if ms.is_empty() {

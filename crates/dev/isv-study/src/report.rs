@@ -220,7 +220,7 @@ impl Report {
         self.codecs().into_iter().map(line).collect()
     }
 
-    /// The rate of geometry that most codecs have a point near to: that for which the distances to each codec's nearest point, as
+    /// The rate of geometry that most codecs have a point near to. The distances from it to each codec's nearest point, as
     /// ratios, have the smallest sum. None without records.
     #[must_use]
     pub fn common_mbps(&self) -> Option<f64> {
@@ -240,8 +240,8 @@ impl Report {
         self.codecs().into_iter().filter_map(nearest).collect()
     }
 
-    /// Writes tables, charts and the page into a folder that is there: `results.csv`, `bd_rates.csv`, `charts/*.svg` and
-    /// `.png`, `index.html`, and `sheet.png` if there is a contact sheet.
+    /// Writes tables, charts and the page into a folder that is there. Files are `results.csv`, `bd_rates.csv`,
+    /// `charts/*.svg` and `.png`, `index.html`, and `sheet.png` if there is a contact sheet.
     ///
     /// # Errors
     /// Files that cannot be written, charts that cannot be drawn.

@@ -59,8 +59,8 @@ pub struct Sheet {
 }
 
 impl Sheet {
-    /// Draws the sheet as a PNG file: a column for the source and one for each stream, in colour without light if the source has
-    /// colour, else by surface normal. A stream without colour is grey then.
+    /// Draws the sheet as a PNG file: a column for the source and one for each stream. If the source has colour, pictures
+    /// show colour without light, and a stream without colour is grey. Else pictures show surface normals.
     ///
     /// # Errors
     /// A picture that cannot be made into a file.

@@ -1,4 +1,4 @@
-//! Where the codec's time goes: its spans, added up by name.
+//! Time of the codec's stages: its spans, added up by name.
 
 use std::collections::BTreeMap;
 use std::mem::take;

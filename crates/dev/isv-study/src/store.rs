@@ -8,7 +8,7 @@ use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// Where a study keeps what it has measured.
+/// Folder in which a study keeps what it has measured.
 pub struct Store {
     folder: PathBuf,
     /// What all figures depend on, but for codec and point.
