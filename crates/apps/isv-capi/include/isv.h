@@ -272,8 +272,8 @@ typedef struct isv_volume {
 typedef int64_t (*isv_read_fn)(void *user, uint8_t *bytes, size_t size);
 
 /**
- * Goes to a place in the bytes of a stream, in bytes from their start, their end, or the present place, as `whence` says:
- * `ISV_SEEK_START`, `ISV_SEEK_CURRENT` or `ISV_SEEK_END`. Returns the place from the start, or a number below 0 for a failure.
+ * Goes to a place in the bytes of a stream, in bytes from where `whence` says. `ISV_SEEK_START` is their start, `ISV_SEEK_CURRENT`
+ * the present place, and `ISV_SEEK_END` their end. Returns the place from the start, or a number below 0 for a failure.
  */
 typedef int64_t (*isv_seek_fn)(void *user, int64_t offset, int32_t whence);
 
@@ -457,7 +457,8 @@ typedef struct isv_colour_image {
      */
     const uint8_t *colours;
     /**
-     * Number of the depth image of the same push from about the same place, such as that of an RGB-D camera; -1 if there is none.
+     * Number of the depth image of the same push from about the same place, such as that of an RGB-D camera. It is -1 if there is
+     * none.
      */
     int32_t depth_image;
 } isv_colour_image;
@@ -697,8 +698,8 @@ isv_status isv_decode_options_set_point_count(struct isv_decode_options *options
 isv_status isv_decode_options_set_point_spacing(struct isv_decode_options *options, double spacing_m);
 
 /**
- * Sets the format of the files of a folder: "ply", "obj", "stl", "glb", "usda" or "usdc" for meshes, "ply", "pcd" or "xyz" for points,
- * "npy" or "vdb" for fields.
+ * Sets the format of the files of a folder. Meshes have "ply", "obj", "stl", "glb", "usda" or "usdc", points "ply", "pcd" or
+ * "xyz", fields "npy" or "vdb".
  */
 isv_status isv_decode_options_set_format(struct isv_decode_options *options,
                                          const char *extension);
@@ -1174,8 +1175,8 @@ isv_status isv_info_json(const char *path, const char **json);
 isv_status isv_text_free(const char *text);
 
 /**
- * Sets the number of threads that share the arithmetic of all handles, from 1 to 1024 [default: one a processor, or what the
- * environment variable `RAYON_NUM_THREADS` says].
+ * Sets the number of threads that share the arithmetic of all handles, from 1 to 1024. The default is one a processor, or what the
+ * environment variable `RAYON_NUM_THREADS` says.
  *
  * It must come before the first frame is coded: the threads start then, and stay until the process ends. Later it is
  * `ISV_ERROR_STATE`.

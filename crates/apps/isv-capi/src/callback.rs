@@ -15,8 +15,8 @@ pub type isv_write_fn = Option<unsafe extern "C" fn(user: *mut c_void, bytes: *c
 /// It is called on the thread that opens the reader or reads a frame.
 pub type isv_read_fn = Option<unsafe extern "C" fn(user: *mut c_void, bytes: *mut u8, size: usize) -> i64>;
 
-/// Goes to a place in the bytes of a stream, in bytes from their start, their end, or the present place, as `whence` says:
-/// `ISV_SEEK_START`, `ISV_SEEK_CURRENT` or `ISV_SEEK_END`. Returns the place from the start, or a number below 0 for a failure.
+/// Goes to a place in the bytes of a stream, in bytes from where `whence` says. `ISV_SEEK_START` is their start, `ISV_SEEK_CURRENT`
+/// the present place, and `ISV_SEEK_END` their end. Returns the place from the start, or a number below 0 for a failure.
 pub type isv_seek_fn = Option<unsafe extern "C" fn(user: *mut c_void, offset: i64, whence: i32) -> i64>;
 
 /// Places counted from the start.

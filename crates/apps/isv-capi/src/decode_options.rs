@@ -150,8 +150,8 @@ pub extern "C" fn isv_decode_options_set_point_spacing(
     })
 }
 
-/// Sets the format of the files of a folder: "ply", "obj", "stl", "glb", "usda" or "usdc" for meshes, "ply", "pcd" or "xyz" for points,
-/// "npy" or "vdb" for fields.
+/// Sets the format of the files of a folder. Meshes have "ply", "obj", "stl", "glb", "usda" or "usdc", points "ply", "pcd" or
+/// "xyz", fields "npy" or "vdb".
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn isv_decode_options_set_format(
     options: *mut isv_decode_options,

@@ -261,8 +261,8 @@ pub extern "C" fn isv_text_free(text: *const c_char) -> isv_status {
     })
 }
 
-/// Sets the number of threads that share the arithmetic of all handles, from 1 to 1024 [default: one a processor, or what the
-/// environment variable `RAYON_NUM_THREADS` says].
+/// Sets the number of threads that share the arithmetic of all handles, from 1 to 1024. The default is one a processor, or what the
+/// environment variable `RAYON_NUM_THREADS` says.
 ///
 /// It must come before the first frame is coded: the threads start then, and stay until the process ends. Later it is
 /// `ISV_ERROR_STATE`.

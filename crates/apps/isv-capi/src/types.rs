@@ -79,7 +79,8 @@ pub struct isv_colour_image {
     pub camera: isv_camera,
     /// 8-bit sRGB, row by row from the top: red, green, blue. `width` x `height` x 3 numbers.
     pub colours: *const u8,
-    /// Number of the depth image of the same push from about the same place, such as that of an RGB-D camera; -1 if there is none.
+    /// Number of the depth image of the same push from about the same place, such as that of an RGB-D camera. It is -1 if there is
+    /// none.
     pub depth_image: i32,
 }
 
