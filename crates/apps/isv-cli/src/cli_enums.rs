@@ -116,7 +116,7 @@ cli_enum! {
     AfterLossName for AfterLoss {
         /// End there, and say what is wrong
         Stop => AfterLoss::Stop,
-        /// Show the last frame for every frame that is lost, and go on at the next keyframe, or at the next frame that can be read
+        /// Show the last frame for every frame that is lost. Go on at the next keyframe, or at the next frame that can be read
         /// without those before it
         Hold => AfterLoss::Hold,
     }
@@ -127,8 +127,8 @@ cli_enum! {
     RefreshName for Refresh {
         /// At keyframes, one every --gop frames
         Keyframes => Refresh::Keyframes,
-        /// A part of each frame anew, all of it within --gop frames: for live streams over lossy channels, without bursts of
-        /// keyframes; only the first frame is one
+        /// A part of each frame anew, all of it within --gop frames; only the first frame is a keyframe. For live streams over
+        /// lossy channels, without bursts of keyframes
         Gradual => Refresh::Gradual,
     }
 }

@@ -35,8 +35,8 @@ pub(crate) struct Args {
     form: Option<FormName>,
     /// File format [default: that of the output's name, else ply or npy]
     ///
-    /// Meshes are written as ply, obj, stl, glb, usda (USD as text) or usdc (binary USD), points as ply, pcd or xyz,
-    /// volumes as npy or vdb. A .usd file is binary, or text with --format usda.
+    /// Meshes are written as ply, obj, stl, glb, usda (USD as text) or usdc (binary USD). Points are written as ply, pcd or
+    /// xyz, volumes as npy or vdb. A .usd file is binary, or text with --format usda.
     #[arg(help_heading = "Output", long)]
     format: Option<OutputFormat>,
     /// Write vertex normals with meshes
@@ -74,8 +74,9 @@ pub(crate) struct Args {
     units: Unit,
     /// Place of the stream's origin in the output: what isv encode was told
     ///
-    /// It is in the unit of the output. Restores survey coordinates. PLY, OBJ and PCD files hold them in double precision where single precision would lose
-    /// more than 0.1 mm or a tenth of a voxel; a GLB file moves its nodes; STL files cannot, and isv says so.
+    /// It is in the unit of the output. Restores survey coordinates. PLY, OBJ and PCD files hold them in double precision
+    /// where single precision would lose more than 0.1 mm or a tenth of a voxel. A GLB file moves its nodes. STL files can
+    /// do neither, and isv says so.
     #[arg(help_heading = "Coordinates of the output", long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
     origin: Option<[f64; 3]>,
     /// Axis of the output that points up; streams are Y up

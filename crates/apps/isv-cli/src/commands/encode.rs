@@ -95,7 +95,7 @@ pub(crate) struct CaptureArgs {
     gop: NonZero<u32>,
     /// Code every --gop frames by themselves
     ///
-    /// Parts of a take that begin at multiples of --gop are then the bytes that they are in the stream of the whole: encode them
+    /// Parts of a take that begin at multiples of --gop then have the same bytes as in the stream of the whole. Encode them
     /// with --frames and --time-origin, and put them together with `isv join --keep-times`.
     #[arg(help_heading = "Stream", long)]
     fixed_gop: bool,

@@ -70,9 +70,9 @@ pub(crate) struct Args {
     size: Option<u64>,
     /// Turn of the camera about the up axis: 0 looks from +z, 90 from +x
     ///
-    /// Without --yaw and --pitch, a surface that is open and faces one side, as one from a depth camera, is seen
-    /// from that side, and all others from +z. In pictures of normals, backs of faces are grey: the inside of an
-    /// open surface, or faces that are turned inside out.
+    /// Without --yaw and --pitch, a surface that is open and faces one side, as one from a depth camera, is seen from that
+    /// side. All others are seen from +z. In pictures of normals, backs of faces are grey: the inside of an open surface,
+    /// or faces that are turned inside out.
     #[arg(help_heading = "Camera and look", long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = degrees)]
     yaw: Option<f64>,
     /// Height of the camera above the horizon

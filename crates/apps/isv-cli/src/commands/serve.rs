@@ -26,9 +26,9 @@ pub(crate) struct Args {
     files: Vec<PathBuf>,
     /// Send packets to viewers as they come
     ///
-    /// The source is - for standard input, a FIFO, a file that is being written, as by isv encode -o - > FILE.isv,
-    /// or the newest such file of a folder. When it ends and begins anew, so do the viewers. Standard input ends
-    /// once: viewers are told, and the command ends too, unless it serves files.
+    /// The source is - for standard input, a FIFO, a file that is being written, or the newest such file of a folder. For
+    /// example, isv encode -o - > FILE.isv writes such a file. When it ends and begins anew, so do the viewers. Standard
+    /// input ends once: viewers are told, and the command ends too, unless it serves files.
     #[arg(long, value_name = "SOURCE")]
     live: Option<PathBuf>,
     /// Address to listen at; 0.0.0.0 is all networks, port 0 any that is free

@@ -33,9 +33,9 @@ pub(super) struct HeaderArgs {
     fps: Option<FrameRate>,
     /// Edge of a voxel, with a unit, or auto [default: what fits the input]
     ///
-    /// Without it, volumes keep their own and meshes get 5mm. Points and depth images get one that fits the
-    /// distance of points, the size of a pixel and the noise of depths, but never less than 5mm. With auto, meshes
-    /// in profile main get whichever of a few sizes serves the quality, rate or error best.
+    /// Without it, volumes keep their own and meshes get 5mm. Points and depth images get one that fits the distance of
+    /// points, the size of a pixel and the noise of depths. Their voxel is never less than 5mm. With auto, meshes in
+    /// profile main get whichever of a few sizes serves the quality, rate or error best.
     #[arg(help_heading = "Stream", long, value_name = "LENGTH|auto")]
     voxel: Option<VoxelArg>,
     /// Edge of a block in voxels: 4, 8 or 16 [default: the input's, else 8]
@@ -50,8 +50,8 @@ pub(super) struct HeaderArgs {
     truncation: Option<u32>,
     /// Part of the volume to code [default: surface]
     ///
-    /// In profile paper the default is full. full takes profile paper, unless main or a setting of it is asked for:
-    /// main tells observed from unobserved voxels near the surface alone.
+    /// In profile paper the default is full. Value full takes profile paper, unless main or a setting of it is asked for.
+    /// Profile main tells observed from unobserved voxels near the surface alone.
     #[arg(help_heading = "Stream", long, value_enum)]
     band: Option<BandName>,
     #[command(flatten)]
