@@ -1,6 +1,7 @@
 //! Encode, decode, compare: one codec at one point.
 
 use crate::codec::PointGeometry;
+use crate::cubes::cubes;
 use crate::memory::{peak_bytes, reset_peak};
 use crate::record::Timing;
 use crate::session::{
@@ -12,7 +13,8 @@ use isv::raw::format::FrameRate;
 use isv::raw::ingest::{MeshIngest, SignMode, decide_sign, ingest_mesh};
 use isv::raw::io::Geometry;
 use isv::raw::metrics::{
-    ColourError, CompareOptions, GeometryError, Shape, colour_summary, compare, compare_colours, summary,
+    ColourError, CompareOptions, GeometryError, Shape, colour_summary, compare, compare_colours,
+    compare_views, summary,
 };
 use isv::raw::volume::TriangleMesh;
 use isv_baseline::{
@@ -110,7 +112,7 @@ pub struct Measured {
     pub isv_file: Option<Vec<u8>>,
     /// Decoded frames with colour of a stream that other commands cannot read, each with its place in the take: those of
     /// [`StudySettings::sheet_frames`].
-    pub coloured_frames: Vec<(usize, TriangleMesh)>,
+    pub coloured_frames: Vec<(usize, Geometry)>,
 }
 
 impl<'a> Subject<'a> {
@@ -303,14 +305,22 @@ impl<'a> Subject<'a> {
                 Geometry::Points(points) => Shape::Points(points),
             };
             compared.frame_errors.push(compare(&original, test, options).map_err(in_frame)?);
-            let colours = compare_colours(&original, test, options).map_err(in_frame)?;
-            compared.frame_colour_errors.push(colours);
-            if let Geometry::Mesh(mesh) = &decoded.shape
-                && mesh.appearance.is_some()
-                && stream.isv_file().is_none()
-                && sheet_frames.contains(&frame)
+            let mut colours = compare_colours(&original, test, options).map_err(in_frame)?;
+            let has_colours = match &decoded.shape {
+                Geometry::Mesh(mesh) => mesh.appearance.is_some(),
+                Geometry::Points(points) => !points.colours.is_empty(),
+            };
+            if let Geometry::Points(points) = &decoded.shape
+                && has_colours
+                && original.appearance.is_some()
             {
-                compared.coloured_frames.push((frame, mesh.clone()));
+                let views = compare_views(&original, &cubes(points));
+                colours.render_y_psnr_db = views.y_psnr_db;
+                colours.render_ssim = views.ssim;
+            }
+            compared.frame_colour_errors.push(colours);
+            if has_colours && stream.isv_file().is_none() && sheet_frames.contains(&frame) {
+                compared.coloured_frames.push((frame, decoded.shape.clone()));
             }
             if frame == self.settings.picture_frame {
                 compared.picture = Some(decoded.shape);
@@ -362,7 +372,7 @@ struct Compared {
     /// The decoded picture frame.
     picture: Option<Geometry>,
     /// Frames for [`Measured::coloured_frames`].
-    coloured_frames: Vec<(usize, TriangleMesh)>,
+    coloured_frames: Vec<(usize, Geometry)>,
 }
 
 /// What decoding took.

@@ -1,13 +1,13 @@
 //! Pictures of one frame as each codec gives it back, beside what went in.
 
+use crate::cubes::cubes;
 use crate::{Metric, Record, StudyError};
 use glam::DVec3;
 use isv::raw::io::Geometry;
-use isv::raw::volume::{PointCloud, TriangleMesh};
+use isv::raw::volume::TriangleMesh;
 use isv_render::{Background, Camera, ErrorScale, Picture, Style, colour_bar, render, render_errors};
 use isv_spatial::Bvh;
 use std::borrow::Cow;
-use std::collections::HashSet;
 
 /// Width and height of a picture of the whole, in pixels.
 const WHOLE: [usize; 2] = [360, 480];
@@ -93,64 +93,6 @@ impl CodecPictures {
         let legend = png(&colour_bar(&setup.scale, LEGEND_WIDTH, Background::Light))?;
         Ok(Self { codecs, legend, frame, mbps })
     }
-}
-
-/// Least distance of two coordinates of points of a lattice (m): what is below is rounding.
-const LEAST_STEP_M: f64 = 2e-5;
-
-/// Points of a lattice as cubes: the outer faces alone.
-fn cubes(points: &PointCloud) -> TriangleMesh {
-    let mut mesh = TriangleMesh::default();
-    let Some(((low, _), step)) = points.bounds().zip(lattice_step(points)) else { return mesh };
-    let cell = |p: &DVec3| ((*p - low) / step).round().to_array().map(|x| x as i64);
-    let filled: HashSet<_> = points.positions.iter().map(cell).collect();
-    let mut cells: Vec<_> = filled.iter().copied().collect();
-    cells.sort_unstable();
-    for cell in cells {
-        for (axis, side) in (0..3).flat_map(|axis| [(axis, 0), (axis, 1)]) {
-            let mut beside = cell;
-            beside[axis] += 2 * side - 1;
-            if !filled.contains(&beside) {
-                add_face(&mut mesh, cell, axis, side, |corner| low + (DVec3::from(corner) - 0.5) * step);
-            }
-        }
-    }
-    mesh
-}
-
-/// Adds the face of a cell at one end of an axis, seen from outside.
-fn add_face(
-    mesh: &mut TriangleMesh,
-    cell: [i64; 3],
-    axis: usize,
-    side: i64,
-    place: impl Fn([f64; 3]) -> DVec3,
-) {
-    let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
-    let first = mesh.vertices.len() as u32;
-    for [along_u, along_v] in [[0, 0], [1, 0], [1, 1], [0, 1]] {
-        let mut corner = cell;
-        corner[axis] += side;
-        corner[u] += along_u;
-        corner[v] += along_v;
-        mesh.vertices.push(place(corner.map(|x| x as f64)));
-    }
-    let order = if side == 1 { [0, 1, 2, 3] } else { [3, 2, 1, 0] };
-    let [a, b, c, d] = order.map(|corner| first + corner);
-    mesh.triangles.extend([[a, b, c], [a, c, d]]);
-}
-
-/// The least distance of points of a lattice along an axis.
-fn lattice_step(points: &PointCloud) -> Option<f64> {
-    let along = |axis: usize| {
-        let mut all: Vec<f64> = points.positions.iter().map(|p| p[axis]).collect();
-        all.sort_by(f64::total_cmp);
-        all.windows(2)
-            .map(|pair| pair[1] - pair[0])
-            .filter(|step| *step > LEAST_STEP_M)
-            .min_by(f64::total_cmp)
-    };
-    (0..3).filter_map(along).min_by(f64::total_cmp)
 }
 
 /// The top of a box: of a person, head and shoulders.

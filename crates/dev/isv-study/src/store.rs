@@ -8,6 +8,10 @@ use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+/// Extensions of coloured frames.
+const OF_MESH: &str = "glb";
+const OF_POINTS: &str = "ply";
+
 /// Folder in which a study keeps what it has measured.
 pub struct Store {
     folder: PathBuf,
@@ -84,8 +88,13 @@ impl Store {
         if let Some(bytes) = isv_file {
             write_file(&self.path(&record.codec, &record.point, "isv"), &bytes)?;
         }
-        for (frame, mesh) in &coloured_frames {
-            write_mesh(&self.coloured_frame(&record, *frame), mesh, Format::Glb).map_err(io::Error::from)?;
+        for (frame, shape) in &coloured_frames {
+            let path = |extension| self.coloured_path(&record, *frame, extension);
+            match shape {
+                Geometry::Mesh(mesh) => write_mesh(&path(OF_MESH), mesh, Format::Glb),
+                Geometry::Points(points) => write_points(&path(OF_POINTS), points, Format::Ply),
+            }
+            .map_err(io::Error::from)?;
         }
         let json = serde_json::to_vec_pretty(&record).map_err(io::Error::from)?;
         write_file(&self.path(&record.codec, &record.point, "json"), &json)
@@ -103,11 +112,16 @@ impl Store {
         Some(self.path(&record.codec, &record.point, "isv")).filter(|path| path.is_file())
     }
 
-    /// Path of a decoded frame as GLB, by its place in the take, for a record without such a stream. The file is there if
-    /// [`StudySettings::sheet_frames`] names the frame and it has colour.
+    /// File of a decoded frame with colour, by its place in the take: a mesh as GLB or points as PLY. Records without a stream that other
+    /// commands read have one of each frame that [`StudySettings::sheet_frames`] names, if it has colour.
     #[must_use]
-    pub fn coloured_frame(&self, record: &Record, frame: usize) -> PathBuf {
-        self.path(&record.codec, &format!("{}-frame{frame}", record.point), "glb")
+    pub fn coloured_frame(&self, record: &Record, frame: usize) -> Option<PathBuf> {
+        let paths = [OF_MESH, OF_POINTS].map(|extension| self.coloured_path(record, frame, extension));
+        paths.into_iter().find(|path| path.is_file())
+    }
+
+    fn coloured_path(&self, record: &Record, frame: usize, extension: &str) -> PathBuf {
+        self.path(&record.codec, &format!("{}-frame{frame}", record.point), extension)
     }
 
     fn path(&self, codec: &str, point: &str, extension: &str) -> PathBuf {

@@ -9,6 +9,7 @@ mod ssim;
 mod views;
 
 pub use psnr::MAX_COLOUR_PSNR_DB;
+pub use views::{ViewErrors, compare_views};
 
 use crate::chamfer::second_seed;
 use crate::compare::checked_areas;
@@ -42,8 +43,8 @@ pub fn compare_colours<'a>(
     let back = ErrorsAtPoints::new(&on_test, &on_reference);
     let there = ErrorsAtPoints::new(&on_reference, &on_test);
     let views = match (reference, test) {
-        (Shape::Mesh(reference), Shape::Mesh(test)) => views::compare(reference, test),
-        _ => views::ViewErrors::default(),
+        (Shape::Mesh(reference), Shape::Mesh(test)) => compare_views(reference, test),
+        _ => ViewErrors::default(),
     };
     Ok(ColourError {
         colour_y_psnr_db: Some(back.y_psnr_db()),

@@ -38,7 +38,7 @@ mod shape;
 mod side;
 
 pub use chamfer::{chamfer, chamfer_floor};
-pub use colour::{MAX_COLOUR_PSNR_DB, compare_colours};
+pub use colour::{MAX_COLOUR_PSNR_DB, ViewErrors, compare_colours, compare_views};
 pub use colour_error::{ColourError, colour_summary};
 pub use compare::{CompareError, CompareOptions, MAX_SAMPLES, Side, compare};
 pub use components::connected_components;

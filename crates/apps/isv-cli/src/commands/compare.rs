@@ -14,7 +14,7 @@ use crate::threads::use_threads;
 use anyhow::{Context, Result, bail};
 use isv::raw::format::FrameRate;
 use isv::raw::ingest::{MeshIngest, SignDecision, SignMode, decide_sign};
-use isv::raw::io::{Colours, Unit, check_folder_name, read_geometry};
+use isv::raw::io::{Colours, ReadOptions, Unit, check_folder_name, read_geometry, read_geometry_as};
 use isv::raw::metrics::CompareOptions;
 use isv::raw::take::FrameRange;
 use isv::raw::take::Length;
@@ -24,7 +24,7 @@ use isv::raw::volume::{Grid, TriangleMesh, VoxelSize};
 use isv_study::worker::{self, Outcome};
 use isv_study::{
     CapturedTake, Codec, CodecPictures, Metric, OperatingPoint, Record, Report, Scale, Sheet, SheetStream,
-    Store, StudyError, StudySettings, Take, Tools, Training,
+    Store, StudyError, StudySettings, Take, Tools, Training, drawable,
 };
 use std::ffi::OsString;
 use std::num::NonZero;
@@ -380,7 +380,7 @@ impl Study {
 
     /// Whether decoded frames of a record can be shown.
     fn has_frames(&self, record: &Record) -> bool {
-        self.store.stream(record).is_some() || self.store.coloured_frame(record, 0).is_file()
+        self.store.stream(record).is_some() || self.store.coloured_frame(record, 0).is_some()
     }
 
     /// Decoded frames of a record, with their colour.
@@ -390,9 +390,11 @@ impl Study {
             let stream = CapturedTake::open(&path, hints, None)?;
             return Ok(frames.iter().map(|frame| stream.mesh(*frame)).collect::<Result<_, _>>()?);
         }
+        let options = ReadOptions::new(Unit::Metre).with_colours(Colours::Keep);
         let read = |frame| {
             let path = self.store.coloured_frame(record, frame);
-            Ok(CapturedTake::open(&path, hints.clone(), None)?.mesh(0)?)
+            let path = path.with_context(|| format!("{}: frame {frame} was not kept", record.codec))?;
+            Ok(drawable(read_geometry_as(&path, &options)?))
         };
         frames.iter().map(|frame| read(*frame)).collect()
     }

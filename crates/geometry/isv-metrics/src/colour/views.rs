@@ -9,15 +9,19 @@ use rayon::prelude::*;
 
 /// Errors of the colours of two meshes, as their pictures show them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct ViewErrors {
-    /// PSNR of Y; none if no pixel shows both.
-    pub(super) y_psnr_db: Option<f64>,
-    /// SSIM of Y; none if there is nowhere to measure it.
-    pub(super) ssim: Option<f64>,
+pub struct ViewErrors {
+    /// PSNR of Y (dB); `None` if no pixel shows both.
+    pub y_psnr_db: Option<f64>,
+    /// SSIM of Y; `None` if there is nowhere to measure it.
+    pub ssim: Option<f64>,
 }
 
-/// Draws both meshes by the cameras around the reference's box, and compares the pictures. Each picture that shows something counts the same.
-pub(super) fn compare(reference: &TriangleMesh, test: &TriangleMesh) -> ViewErrors {
+/// Draws both meshes by the cameras around the reference's box, and compares the pictures.
+///
+/// Each picture that shows something counts the same. [`compare_colours`](crate::compare_colours) does this with meshes. Points can
+/// be compared so once they are a mesh of cubes or of discs.
+#[must_use]
+pub fn compare_views(reference: &TriangleMesh, test: &TriangleMesh) -> ViewErrors {
     let Some(bounds) = reference.bounds() else { return ViewErrors::default() };
     let errors: Vec<(Option<f64>, Option<f64>)> = Camera::ring(bounds)
         .par_iter()
