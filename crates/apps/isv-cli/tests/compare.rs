@@ -300,13 +300,79 @@ fn a_real_capture_is_studied() {
     assert!(percent < -10.0, "{saving}");
 }
 
+/// A program that is a shell script.
+#[cfg(unix)]
+fn write_program(workspace: &Workspace, name: &str, script: &str) {
+    use std::os::unix::fs::PermissionsExt;
+    workspace.write(name, format!("#!/bin/sh\n{script}\n"));
+    fs::set_permissions(workspace.path(name), fs::Permissions::from_mode(0o755)).unwrap();
+}
+
 /// A stand-in for `tmc3` that says its version and then does what a script says.
 #[cfg(unix)]
 fn write_stand_in(workspace: &Workspace, name: &str, script: &str) {
-    use std::os::unix::fs::PermissionsExt;
     let version = "case $1 in --help) echo MPEG PCC tmc3 version release-v99.0; exit;; esac";
-    workspace.write(name, format!("#!/bin/sh\n{version}\n{script}\n"));
-    fs::set_permissions(workspace.path(name), fs::Permissions::from_mode(0o755)).unwrap();
+    write_program(workspace, name, &format!("{version}\n{script}"));
+}
+
+/// Shell words that write a number as four bytes, the highest first.
+#[cfg(unix)]
+const FOUR_BYTES: &str =
+    "four_bytes() { for s in 24 16 8 0; do printf \"\\\\$(printf %03o $(($1 >> s & 255)))\"; done; }";
+
+/// A stand-in for `tmc3` that gives points back as they came, in one unit of a type: 2 is geometry, 4 attributes.
+#[cfg(unix)]
+fn write_keeper(workspace: &Workspace, unit: u8) {
+    let encode =
+        format!("{{ printf '\\00{unit}'; four_bytes $(wc -c <points.ply); cat points.ply; }} >points.bin");
+    let decode = "tail -c +6 points.bin >decoded.ply";
+    let script = format!("{FOUR_BYTES}\ncase $1 in --mode=0) {encode};; *) {decode};; esac");
+    write_stand_in(workspace, "tmc3", &script);
+}
+
+/// Stand-ins for the programs of TMC2 that give the frames of a take back as they came, in one unit of attributes.
+#[cfg(unix)]
+fn write_take_keeper(workspace: &Workspace) {
+    let encode = "echo PccAppEncoder v24.0; [ -f points_0000.ply ] || exit 0\n\
+                  tar cf take.tar points_*.ply\n\
+                  { printf '\\140'; four_bytes $(($(wc -c <take.tar) + 1)); printf '\\040'; cat take.tar; } >take.bin";
+    let decode = "tail -c +7 take.bin | tar xf -; for f in points_*.ply; do mv $f decoded_${f#points_}; done";
+    write_program(workspace, "PccAppEncoder", &format!("{FOUR_BYTES}\n{encode}"));
+    write_program(workspace, "PccAppDecoder", decode);
+    fs::create_dir_all(workspace.path("cfg/common")).unwrap();
+    workspace.write("cfg/common/ctc-common.cfg", "");
+}
+
+#[cfg(unix)]
+#[test]
+fn codecs_of_points_are_compared_and_shown_in_colour() {
+    let workspace = Workspace::with_painted_figure(3);
+    write_keeper(&workspace, 4);
+    write_take_keeper(&workspace);
+    let tools =
+        ["--tool=tmc3=tmc3", "--tool=PccAppEncoder=PccAppEncoder", "--tool=PccAppDecoder=PccAppDecoder"];
+    let run = workspace.isv(&compare("main-realtime,tmc13-octree,tmc2", &tools)).done();
+    assert!(String::from_utf8_lossy(run.stdout()).contains("study/sheet.png"), "{}", run.stderr());
+    let table = String::from_utf8(workspace.read("study/results.csv")).unwrap();
+    let columns: Vec<_> = table.lines().next().unwrap().split(',').collect();
+    for codec in ["tmc13-octree", "tmc2"] {
+        let row: Vec<_> = table.lines().find(|line| line.starts_with(codec)).unwrap().split(',').collect();
+        let cell =
+            |name| row[columns.iter().position(|column| *column == name).unwrap()].parse::<f64>().unwrap();
+        // All bytes but those of a few headers are of the unit of attributes.
+        assert!(cell("bytes_colour") > 0.9 * cell("bytes"), "{table}");
+        assert!(cell("colour_y_psnr_db") > 25.0 && cell("render_y_psnr_db") > 15.0, "{table}");
+        let frames = workspace.names(&format!("study/points/{codec}"));
+        assert!(frames.iter().any(|name| name.ends_with("-frame0.ply")), "{frames:?}");
+    }
+    // Frames that an earlier study of the same points has left are not shown again.
+    let without = Workspace::with_figure(3);
+    fs::remove_dir_all(workspace.path("frames")).unwrap();
+    fs::rename(without.path("frames"), workspace.path("frames")).unwrap();
+    workspace.isv(&compare("main-realtime,tmc13-octree", &tools[..1])).done();
+    let frames = workspace.names("study/points/tmc13-octree");
+    let first = frames.iter().filter(|name| name.starts_with("9-bit")).collect::<Vec<_>>();
+    assert!(!first.is_empty() && first.iter().all(|name| !name.contains("-frame")), "{frames:?}");
 }
 
 /// Points that come back as they went in.
@@ -314,11 +380,7 @@ fn write_stand_in(workspace: &Workspace, name: &str, script: &str) {
 #[test]
 fn programs_of_others_are_named_with_version_and_command_line() {
     let workspace = Workspace::with_figure(2);
-    write_stand_in(
-        &workspace,
-        "tmc3",
-        "case $1 in --mode=0) cp points.ply points.bin;; *) cp points.bin decoded.ply;; esac",
-    );
+    write_keeper(&workspace, 2);
     let run = workspace.isv(&compare("paper-zero,tmc13-octree", &["--tool=tmc3=tmc3"])).done();
     let said = String::from_utf8_lossy(run.stdout()).into_owned();
     assert!(said.contains("tmc13-octree"), "{said}");
@@ -349,7 +411,12 @@ fn programs_of_others_that_misbehave_are_notes() {
     let workspace = Workspace::with_figure(1);
     write_stand_in(&workspace, "crash", "echo too many points; kill -SEGV $$");
     write_stand_in(&workspace, "hang", "exec sleep 600");
-    write_stand_in(&workspace, "noise", "echo noise > points.bin; echo noise > decoded.ply");
+    write_stand_in(&workspace, "noise", "echo noise > points.bin");
+    write_stand_in(
+        &workspace,
+        "unreadable",
+        "printf '\\002\\0\\0\\0\\0' > points.bin; echo noise > decoded.ply",
+    );
     workspace.write("other", "#!/bin/sh\necho usage: other FILE\n");
     fs::copy(workspace.path("other"), workspace.path("none")).unwrap();
     use std::os::unix::fs::PermissionsExt;
@@ -357,7 +424,8 @@ fn programs_of_others_that_misbehave_are_notes() {
     for (program, words) in [
         ("crash", "too many points"),
         ("hang", "was ended as it took more than 1 s"),
-        ("noise", "its output cannot be read"),
+        ("noise", "its output is not a stream of G-PCC"),
+        ("unreadable", "its output cannot be read"),
         ("other", "does not call itself \"MPEG PCC tmc3 version\""),
     ] {
         let tool = format!("--tool=tmc3={program}");

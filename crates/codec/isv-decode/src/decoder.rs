@@ -116,8 +116,8 @@ impl<B: Backend> Decoder<B> {
         self.profile.lose();
     }
 
-    /// Says that a packet is there that is not to be decoded. This is [`Self::lose_packet`], but the packet's bytes count towards
-    /// the blocks that [`Limits`] allow to the frames behind it.
+    /// Says that a packet is there that is not to be decoded. It does what [`Self::lose_packet`] does, but the packet's bytes
+    /// count towards the blocks that [`Limits`] allow to the frames behind it.
     pub fn pass_over(&mut self, packet: &Packet) {
         self.profile.pass_over(packet);
     }

@@ -9,8 +9,8 @@ use std::io::{self, Read};
 
 /// Most bytes asked of the source at a time.
 const CHUNK: usize = 1 << 16;
-/// Bytes that may be read in vain, as packets that turn out to be none, or the largest payload allowed, if that is more. A reader
-/// has so many at first and never more at once. Each byte passed regains [`PATIENCE_REGAINED`]. Packets beyond what is left are
+/// Bytes that may be read in vain, as packets that turn out to be none. If the largest payload allowed is more, that counts
+/// instead. A reader has so many at first and never more at once. Each byte passed regains [`PATIENCE_REGAINED`]. Packets beyond what is left are
 /// damage unless they are short. Otherwise a stream of false packets, each said to reach to its end, would take the square of its
 /// length.
 const PATIENCE: usize = 1 << 26;

@@ -72,16 +72,16 @@ impl Lattice {
 
     /// Mean colours of the samples at each of the places, which are all those of the mesh.
     fn colours(&self, mesh: &TriangleMesh, appearance: &Appearance, places: &[[i32; 3]]) -> Vec<Rgb> {
-        let mut sums = vec![([0.0f32; 3], 0.0f32); places.len()];
+        let mut sums = vec![([0.0; 3], 0u32); places.len()];
         for (face, triangle) in mesh.triangles.iter().enumerate() {
             for_samples(&self.corners(mesh, triangle), |place, weights| {
                 let (sum, count) = &mut sums[places.binary_search(&place).expect("a place of the mesh")];
                 let colour = appearance.colour(face, *triangle, weights);
-                (0..3).for_each(|c| sum[c] += colour[c]);
-                *count += 1.0;
+                (0..3).for_each(|c| sum[c] += f64::from(colour[c]));
+                *count += 1;
             });
         }
-        sums.iter().map(|(sum, count)| sum.map(|sum| (sum / count).round() as u8)).collect()
+        sums.iter().map(|(sum, count)| sum.map(|sum| (sum / f64::from(*count)).round() as u8)).collect()
     }
 
     /// Corners of a triangle on the lattice.

@@ -134,19 +134,16 @@ fn encoder_arguments(geometry: Tmc13Geometry, colour_qp: Option<u8>) -> Vec<Stri
         }
     }
     match colour_qp {
-        Some(qp) => {
-            let chroma_offset = if geometry == Tmc13Geometry::Octree { -1 } else { -2 };
-            arguments.extend([
-                "--convertPlyColourspace=1".to_owned(),
-                "--transformType=0".to_owned(),
-                "--rahtPredictionSearchRange=50000".to_owned(),
-                format!("--qp={qp}"),
-                format!("--qpChromaOffset={chroma_offset}"),
-                "--bitdepth=8".to_owned(),
-                // What is set above belongs to the attribute that is named after it.
-                "--attribute=color".to_owned(),
-            ]);
-        }
+        Some(qp) => arguments.extend([
+            "--convertPlyColourspace=1".to_owned(),
+            "--transformType=0".to_owned(),
+            "--rahtPredictionSearchRange=50000".to_owned(),
+            format!("--qp={qp}"),
+            "--qpChromaOffset=-2".to_owned(),
+            "--bitdepth=8".to_owned(),
+            // What is set above belongs to the attribute that is named after it.
+            "--attribute=color".to_owned(),
+        ]),
         None => arguments.push("--disableAttributeCoding=1".to_owned()),
     }
     arguments

@@ -170,9 +170,11 @@ const NODES: [(i32, u8); POINTS] = [(1, 2), (1, 3), (1, 4), (0, 4), (0, 5)];
 /// Most bits of the coordinates of points.
 const MOST_POINT_BITS: i32 = 16;
 
-/// TMC13's quantization parameter of colours at its finest point; a next coarser point has one more by a doubling of the step.
-const FINEST_COLOUR_QP: u8 = 22;
-const COLOUR_QP_STEP: u8 = 6;
+/// TMC13's quantization parameters of colours with nodes of 4, 8, 16 and 32 voxels.
+const COLOUR_QP_OF_NODES: [u8; 4] = [22, 28, 34, 40];
+
+/// TMC13's quantization parameters of colours with an octree of all bits, and of one to four bits less.
+const COLOUR_QP_OF_BITS: [u8; POINTS] = [22, 34, 40, 46, 51];
 
 impl Codec {
     /// All of them, in the order of legends and tables.
@@ -300,16 +302,16 @@ impl Codec {
     }
 
     /// Quantization parameter of TMC13 for the colours at one of its points. Finer geometry has finer colours, as in MPEG's test
-    /// conditions.
+    /// conditions of lossy geometry.
     pub(crate) fn colour_qp(scale: Scale, point: OperatingPoint) -> u8 {
-        let steps_to_finest = match point {
-            OperatingPoint::Nodes { size_log2, .. } => size_log2.saturating_sub(NODES[0].1),
+        match point {
+            OperatingPoint::Nodes { size_log2, .. } => COLOUR_QP_OF_NODES[usize::from(size_log2) - 2],
             OperatingPoint::PositionBits(bits) => {
-                scale.bits(BITS_BEYOND_A_VOXEL[0], MOST_POINT_BITS).saturating_sub(bits)
+                let finest = scale.bits(BITS_BEYOND_A_VOXEL[0], MOST_POINT_BITS);
+                COLOUR_QP_OF_BITS[usize::from(finest.saturating_sub(bits)).min(POINTS - 1)]
             }
-            _ => 0,
-        };
-        FINEST_COLOUR_QP + COLOUR_QP_STEP * steps_to_finest
+            _ => COLOUR_QP_OF_BITS[0],
+        }
     }
 
     fn point(self, scale: Scale, i: usize) -> OperatingPoint {
@@ -430,7 +432,7 @@ mod tests {
             let points = codec.parse::<Codec>().unwrap().points(PERSON, 5);
             points.into_iter().map(|point| Codec::colour_qp(PERSON, point)).collect::<Vec<_>>()
         };
-        assert_eq!(qps("tmc13-octree"), [22, 28, 34, 40, 46]);
+        assert_eq!(qps("tmc13-octree"), [22, 34, 40, 46, 51]);
         assert_eq!(qps("tmc13-trisoup"), [22, 28, 34, 34, 40]);
         let nodes = "11-bit-node4 11-bit-node8 11-bit-node16 10-bit-node16 10-bit-node32";
         assert_eq!(names("tmc13-trisoup", 5), nodes);

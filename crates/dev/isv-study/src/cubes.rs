@@ -6,23 +6,22 @@ use isv::raw::volume::{Appearance, PointCloud, TriangleMesh};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Least distance of two coordinates of points of a lattice (m): what is below is rounding.
-const LEAST_STEP_M: f64 = 2e-5;
-
-/// Returns the mesh to draw of a decoded shape: points of a lattice become cubes.
+/// Returns the mesh to draw of a decoded shape: points of a lattice become cubes. `point_step_m`: the step of their lattice (m);
+/// without it points are not drawn.
 #[must_use]
-pub fn drawable(shape: Geometry) -> TriangleMesh {
+pub fn drawable(shape: Geometry, point_step_m: Option<f64>) -> TriangleMesh {
     match shape {
         Geometry::Mesh(mesh) => mesh,
-        Geometry::Points(points) => cubes(&points),
+        Geometry::Points(points) => cubes(&points, point_step_m.unwrap_or_default()),
     }
 }
 
-/// Points of a lattice as cubes: the outer faces alone, in the colours of the points if they have any.
-pub(crate) fn cubes(points: &PointCloud) -> TriangleMesh {
+/// Points of a lattice as cubes: the outer faces alone, in the colours of the points if they have any. `step_m`: edge of a cube (m);
+/// nothing is drawn if it is 0.
+pub(crate) fn cubes(points: &PointCloud, step_m: f64) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
-    let Some(((low, _), step)) = points.bounds().zip(lattice_step(points)) else { return mesh };
-    let cell = |p: &DVec3| ((*p - low) / step).round().to_array().map(|x| x as i64);
+    let Some((low, _)) = points.bounds().filter(|_| step_m > 0.0) else { return mesh };
+    let cell = |p: &DVec3| ((*p - low) / step_m).round().to_array().map(|x| x as i64);
     let filled: HashMap<_, _> = points.positions.iter().map(cell).zip(0..).collect();
     let mut cells: Vec<_> = filled.iter().map(|(cell, point)| (*cell, *point)).collect();
     cells.sort_unstable();
@@ -32,7 +31,7 @@ pub(crate) fn cubes(points: &PointCloud) -> TriangleMesh {
             let mut beside = cell;
             beside[axis] += 2 * side - 1;
             if !filled.contains_key(&beside) {
-                add_face(&mut mesh, cell, axis, side, |corner| low + (DVec3::from(corner) - 0.5) * step);
+                add_face(&mut mesh, cell, axis, side, |corner| low + (DVec3::from(corner) - 0.5) * step_m);
                 if let Some(colour) = points.colours.get::<usize>(point) {
                     vertex_colours.extend([*colour; 4]);
                 }
@@ -67,19 +66,6 @@ fn add_face(
     mesh.triangles.extend([[a, b, c], [a, c, d]]);
 }
 
-/// The least distance of points of a lattice along an axis.
-fn lattice_step(points: &PointCloud) -> Option<f64> {
-    let along = |axis: usize| {
-        let mut all: Vec<f64> = points.positions.iter().map(|p| p[axis]).collect();
-        all.sort_by(f64::total_cmp);
-        all.windows(2)
-            .map(|pair| pair[1] - pair[0])
-            .filter(|step| *step > LEAST_STEP_M)
-            .min_by(f64::total_cmp)
-    };
-    (0..3).filter_map(along).min_by(f64::total_cmp)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -87,14 +73,14 @@ mod tests {
     #[test]
     fn points_beside_each_other_have_no_face_between_them() {
         let positions = vec![DVec3::ZERO, DVec3::new(0.01, 0.0, 0.0)];
-        let plain = cubes(&PointCloud { positions: positions.clone(), ..PointCloud::default() });
+        let plain = cubes(&PointCloud { positions: positions.clone(), ..PointCloud::default() }, 0.01);
         // Ten faces of two triangles each, seen from outside.
         assert_eq!((plain.triangles.len(), plain.appearance.is_none()), (20, true));
         let (low, high) = plain.bounds().unwrap();
         assert!(low.abs_diff_eq(DVec3::splat(-0.005), 1e-9), "{low}");
         assert!(high.abs_diff_eq(DVec3::new(0.015, 0.005, 0.005), 1e-9), "{high}");
         let colours = vec![[255, 0, 0], [0, 0, 255]];
-        let coloured = cubes(&PointCloud { positions, colours, ..PointCloud::default() });
+        let coloured = cubes(&PointCloud { positions, colours, ..PointCloud::default() }, 0.01);
         let appearance = coloured.appearance.as_deref().unwrap();
         appearance.validate(coloured.vertices.len(), coloured.triangles.len()).unwrap();
         let red = appearance.vertex_colours.iter().filter(|colour| **colour == [255, 0, 0]);

@@ -22,6 +22,9 @@ use isv_baseline::{
     VideoSettings,
 };
 
+/// Most points of a frame that are drawn as cubes, to compare pictures: 4 GB of memory. Of more there are no such figures.
+const MOST_DRAWN_POINTS: usize = 4_000_000;
+
 /// An error of whoever provides a take.
 pub type TakeError = Box<dyn std::error::Error + Send + Sync>;
 
@@ -245,6 +248,7 @@ impl<'a> Subject<'a> {
             frame_errors,
             colour_error: colour_summary(&frame_colour_errors),
             frame_colour_errors,
+            point_step_m: encoded.stream.point_step_m(),
             programs: encoded.stream.programs(),
         };
         Ok(Measured {
@@ -313,8 +317,10 @@ impl<'a> Subject<'a> {
             if let Geometry::Points(points) = &decoded.shape
                 && has_colours
                 && original.appearance.is_some()
+                && points.positions.len() <= MOST_DRAWN_POINTS
             {
-                let views = compare_views(&original, &cubes(points));
+                let step_m = stream.point_step_m().unwrap_or_default();
+                let views = compare_views(&original, &cubes(points, step_m));
                 colours.render_y_psnr_db = views.y_psnr_db;
                 colours.render_ssim = views.ssim;
             }

@@ -55,14 +55,15 @@ const COLOURS: &str = "Errors are measured where both the capture and the stream
                        stand against the rate of colour; in pictures from six sides, which show the geometry too, against the \
                        rate of both. isv's colour has the quality of the geometry at the same point.";
 
-const NO_COLOURS: &str = "There is no colour to compare: the capture has none, or no codec of this study keeps it. Profile main does.";
+const NO_COLOURS: &str = "There is no colour to compare: the capture has none, or no codec of this study keeps it. Profile main, \
+                          draco-video, tmc13 and tmc2 do.";
 
 const SHEET: &str = "The source and the streams, each at its point nearest to one rate, in their colours without light. The last \
                      rows show the top, and the part where the colours differ most. The same as <a \
                      href=\"sheet.png\">sheet.png</a>.";
 
 const COSTS: &str = "Time to encode is from mesh to bytes: ingest or simplification, then coding; time to decode is from bytes \
-                     to mesh. Colour is not part of these times. Codecs of others run as programs that read and write files, which is part of their time; those that code a whole take at once have equal shares.";
+                     to mesh. Colour is not part of these times, but of those of codecs of points. Codecs of others run as programs that read and write files, which is part of their time; those that code a whole take at once have equal shares.";
 
 const POINTS: &str = "Codecs of points are given the voxels that the source's surface passes through, at the bits that their points name, and \
                       give points back. Without a decoded surface there is no distance from the source to it: point to surface, \

@@ -86,7 +86,9 @@ impl CodecPictures {
         for ((record, shape), surface) in decoded.iter().zip(surface.iter().cycle()) {
             let mesh = match shape {
                 Geometry::Mesh(mesh) => Cow::Borrowed(mesh),
-                Geometry::Points(points) => Cow::Owned(cubes(points)),
+                Geometry::Points(points) => {
+                    Cow::Owned(cubes(points, record.point_step_m.unwrap_or_default()))
+                }
             };
             codecs.push(setup.decoded(record, &mesh, surface)?);
         }

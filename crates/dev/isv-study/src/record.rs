@@ -26,12 +26,12 @@ pub struct Record {
     pub kinds: Option<BytesByKind>,
     /// Mesh to what the codec takes: ingest, or simplification.
     pub prepare_ms: Timing,
-    /// Time to encode the geometry of what was prepared.
+    /// Time to encode the geometry of what was prepared. Codecs of points do not tell the time of colours apart: it is in this time.
     pub encode_ms: Timing,
-    /// Time to encode colour; `None` if there is none.
+    /// Time to encode colour; `None` if there is none, or if it is part of [`Self::encode_ms`].
     #[serde(default)]
     pub colour_encode_ms: Option<Timing>,
-    /// Time from bytes to a mesh without colour.
+    /// Time from bytes to a mesh without colour, or to points, with their colours if they have any.
     pub decode_ms: Timing,
     /// Peak memory in bytes while preparing and encoding, or of the program that encodes; `None` where the system does not
     /// say.
@@ -48,6 +48,9 @@ pub struct Record {
     /// Error of each frame's colour.
     #[serde(default)]
     pub frame_colour_errors: Vec<ColourError>,
+    /// Step (m) of the lattice that decoded points lie on, for codecs of points.
+    #[serde(default)]
+    pub point_step_m: Option<f64>,
     /// Programs of others that were run.
     #[serde(default)]
     pub programs: Vec<ProgramUse>,

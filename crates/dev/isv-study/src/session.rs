@@ -55,6 +55,11 @@ pub(crate) trait Stream {
         colour: bool,
     ) -> Result<Box<dyn Iterator<Item = Result<DecodedFrame, StudyError>> + '_>, StudyError>;
 
+    /// Step (m) of the lattice that decoded points lie on, if it decodes to points.
+    fn point_step_m(&self) -> Option<f64> {
+        None
+    }
+
     /// Time and memory of encoding, where the take is encoded at its end rather than frame by frame.
     fn whole_take(&self) -> Option<WholeTake> {
         None
@@ -82,7 +87,7 @@ pub(crate) struct EncodedFrame {
 }
 
 impl EncodedFrame {
-    /// A frame of a mesh without colour that the program of another codec coded, with its peak memory in bytes where the system says.
+    /// A frame that the program of another codec coded, whose times are not told apart by geometry and colour. It comes with its peak memory in bytes where the system says.
     fn by_program(bytes: u64, prepare_ms: f64, encode_ms: f64, peak_memory_bytes: Option<u64>) -> Self {
         let memory = Memory::OfAProgram(peak_memory_bytes);
         Self { bytes, prepare_ms, encode_ms, colour_ms: None, memory }

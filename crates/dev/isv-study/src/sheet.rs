@@ -36,7 +36,9 @@ impl SheetStream {
             0 => format!("{:.2} Mbps", record.geometry_mbps()),
             _ => format!("{:.2} + {:.2} Mbps", record.geometry_mbps(), record.colour_mbps()),
         };
-        let distance = record.value(Metric::PointToSurface).map(|mm| format!("{mm:.2} mm"));
+        let one_way = || Some(format!("{:.2} mm one way", record.value(Metric::DecodedToSource)?));
+        let both_ways = record.value(Metric::PointToSurface).map(|mm| format!("{mm:.2} mm"));
+        let distance = both_ways.or_else(one_way);
         let colour = record.value(Metric::ColourY).map(|db| format!("Y {db:.1} dB"));
         let errors = distance.into_iter().chain(colour).collect::<Vec<_>>().join(", ");
         Self { lines: [record.codec.clone(), rates, errors], meshes }

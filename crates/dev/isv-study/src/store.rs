@@ -79,6 +79,7 @@ impl Store {
         let Measured { mut record, picture, isv_file, coloured_frames } = measured;
         record.key = self.key(codec, point);
         make_folder(&self.folder.join("points").join(&record.codec))?;
+        self.remove_frames(&record)?;
         let path = self.picture(&record);
         match &picture {
             Geometry::Mesh(mesh) => write_mesh(&path, mesh, Format::Ply),
@@ -118,6 +119,18 @@ impl Store {
     pub fn coloured_frame(&self, record: &Record, frame: usize) -> Option<PathBuf> {
         let paths = [OF_MESH, OF_POINTS].map(|extension| self.coloured_path(record, frame, extension));
         paths.into_iter().find(|path| path.is_file())
+    }
+
+    /// Removes the coloured frames that an earlier measurement of a point has left.
+    fn remove_frames(&self, record: &Record) -> Result<(), StudyError> {
+        let of_point = format!("{}-frame", record.point);
+        for file in fs::read_dir(self.folder.join("points").join(&record.codec))? {
+            let file = file?;
+            if file.file_name().to_string_lossy().starts_with(&of_point) {
+                fs::remove_file(file.path())?;
+            }
+        }
+        Ok(())
     }
 
     fn coloured_path(&self, record: &Record, frame: usize, extension: &str) -> PathBuf {

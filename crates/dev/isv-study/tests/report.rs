@@ -31,6 +31,7 @@ fn record(codec: &str, point: &str, bytes: u64, p2s_mm: f64) -> Record {
         frame_errors: vec![error; 2],
         colour_error: ColourError::default(),
         frame_colour_errors: Vec::new(),
+        point_step_m: None,
         programs: Vec::new(),
     }
 }

@@ -44,7 +44,8 @@ const ERROR_RANGE_VOXELS: f64 = 0.4;
 /// Study codecs side by side: rate, error, time and memory of each over its operating points
 ///
 /// Writes results.csv, bd_rates.csv, charts, a contact sheet and index.html into DIR. Run again after an interruption, it
-/// goes on where it stopped. Colour is compared where the input and the codec have it: profile main does.
+/// goes on where it stopped. Colour is compared where the input and the codec have it. Profile main, draco-video, tmc13 and
+/// tmc2 keep it.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Meshes: a folder of frames, a pattern, a file or an .isv
@@ -359,13 +360,13 @@ impl Study {
     /// The source and the streams of which there are frames to show, near one rate: those with colour first, if the take has any.
     fn sheet(&self, report: &Report) -> Result<Option<Vec<u8>>> {
         let near = report.common_mbps().map_or(Vec::new(), |mbps| report.near_rate(mbps));
-        let mut chosen: Vec<_> = near.into_iter().filter(|record| self.has_frames(record)).collect();
+        let frames = self.settings.sheet_frames(self.take.frames());
+        let mut chosen: Vec<_> = near.into_iter().filter(|record| self.has_frames(record, &frames)).collect();
         chosen.sort_by_key(|record| record.bytes_colour == 0);
         chosen.truncate(SHEET_STREAMS);
         if chosen.is_empty() {
             return Ok(None);
         }
-        let frames = self.settings.sheet_frames(self.take.frames());
         let mut streams = Vec::new();
         for record in chosen {
             streams.push(SheetStream::of_record(record, self.decoded_frames(record, &frames)?));
@@ -378,9 +379,10 @@ impl Study {
         Ok(Some(sheet.png()?))
     }
 
-    /// Whether decoded frames of a record can be shown.
-    fn has_frames(&self, record: &Record) -> bool {
-        self.store.stream(record).is_some() || self.store.coloured_frame(record, 0).is_some()
+    /// Whether the decoded frames of a record can be shown.
+    fn has_frames(&self, record: &Record, frames: &[usize]) -> bool {
+        self.store.stream(record).is_some()
+            || frames.iter().all(|frame| self.store.coloured_frame(record, *frame).is_some())
     }
 
     /// Decoded frames of a record, with their colour.
@@ -394,7 +396,7 @@ impl Study {
         let read = |frame| {
             let path = self.store.coloured_frame(record, frame);
             let path = path.with_context(|| format!("{}: frame {frame} was not kept", record.codec))?;
-            Ok(drawable(read_geometry_as(&path, &options)?))
+            Ok(drawable(read_geometry_as(&path, &options)?, record.point_step_m))
         };
         frames.iter().map(|frame| read(*frame)).collect()
     }
@@ -406,7 +408,7 @@ impl Study {
                 "\nMbps is the rate of geometry; colour Y dB is the PSNR of luma at the decoded surface."
             }
             (true, false) => {
-                "\nNo colour was compared: the frames have colour, but none of these codecs keeps it (main-balanced does)."
+                "\nNo colour was compared: the frames have colour, but none of these codecs keeps it (main-balanced does, for one)."
             }
             (false, false) => "\nNo colour was compared: the frames have none.",
         }

@@ -27,7 +27,7 @@ pub(crate) struct Args {
     /// Send packets to viewers as they come
     ///
     /// The source is - for standard input, a FIFO, a file that is being written, or the newest such file of a folder. For
-    /// example, isv encode -o - > FILE.isv writes such a file. When it ends and begins anew, so do the viewers. Standard
+    /// example, isv encode -o - > FILE.isv writes such a file. When the source ends and begins anew, so do the viewers. Standard
     /// input ends once: viewers are told, and the command ends too, unless it serves files.
     #[arg(long, value_name = "SOURCE")]
     live: Option<PathBuf>,

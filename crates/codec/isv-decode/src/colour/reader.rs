@@ -584,7 +584,7 @@ fn read_held<const N: usize, const G: usize, const W: usize>(
 }
 
 /// Reads the colours at the middles of the wanted of `N` parts of a cell along each axis. `part`: the sample of a part, by x, y
-/// and z; zeros where there is none. Its parts are those of 2x2x2 cells, of which `corner` lies in the first.
+/// and z; zeros where there is none. Parts are those of 2x2x2 cells, of which `corner` lies in the first.
 ///
 /// All parts have the same fractions along the axes, so that sums are shared: those along x first, then y, then z. `G` is twice `N`;
 /// `W` is four lanes of `N`.

@@ -121,12 +121,13 @@ impl State {
 
 /// Share of blocks predicted from neighbours above which a frame is also tried as a keyframe.
 const CUT_SPATIAL_SHARE: f64 = 0.5;
-/// Share of the last keyframe's bytes a block above which a frame is also tried as a keyframe, if it is unlike the frame before.
+/// Share of the last keyframe's bytes a block above which a frame is also tried as a keyframe, unless it is like the last frame.
+/// Likeness is known only if the last frame was predicted.
 const CUT_BYTES_SHARE: f64 = 0.7;
 /// Cost of a keyframe over that of the predicted frame, up to which a frame unlike those before becomes one: decoding can begin there.
 const CUT_BONUS: f32 = 1.25;
-/// Ratio of a frame's bytes a block to those of the last frame, above which it is unlike those before. The last frame must have
-/// been predicted. What moves too fast to be predicted well, as cloth in the wind, does so in every frame, and is not cut.
+/// Ratio of a frame's bytes a block to those of the last frame, above which it is unlike those before. What moves too fast to
+/// be predicted well, as cloth in the wind, does so in every frame, and is not cut.
 const UNLIKE: f64 = 1.25;
 /// What stands still is coded again with a step of less than this share of the one that it was coded with.
 const FINER_STEP_SHARE: f64 = 0.75;

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 ///
 /// - Corners of crossed cells that the source has not observed or does not have.
 /// - Corners of crossed cells in a block that was extrapolated, if the source has them on the other side of the surface.
-/// - Voxels of floaters; with the full band, those that were observed are kept.
+/// - Voxels of floaters; with the full band, only those that the source has not observed.
 ///
 /// `crossed`: the corners of crossed cells in these; asked for only if the source is not wholly observed.
 pub(crate) fn wanted_masks<'a>(

@@ -4,15 +4,22 @@ use super::{EncodedFrame, timed};
 use glam::DVec3;
 use isv::raw::volume::TriangleMesh;
 
-/// Meshes without normals and colour.
+/// Meshes without normals.
 #[derive(Default)]
 pub(super) struct KeptFrames {
     pub(super) meshes: Vec<TriangleMesh>,
 }
 
 impl KeptFrames {
-    /// Keeps a frame, whose bytes are not known yet.
+    /// Keeps a frame with its colour, whose bytes are not known yet.
     pub(super) fn keep(&mut self, mesh: &TriangleMesh) -> EncodedFrame {
+        let (mesh, prepare_ms) = timed(|| TriangleMesh { normals: Vec::new(), ..mesh.clone() });
+        self.meshes.push(mesh);
+        EncodedFrame::by_program(0, prepare_ms, 0.0, None)
+    }
+
+    /// Keeps a frame without its colour, whose bytes are not known yet.
+    pub(super) fn keep_shape(&mut self, mesh: &TriangleMesh) -> EncodedFrame {
         let (mesh, prepare_ms) =
             timed(|| TriangleMesh { appearance: None, normals: Vec::new(), ..mesh.clone() });
         self.meshes.push(mesh);

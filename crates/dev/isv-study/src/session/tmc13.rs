@@ -66,6 +66,10 @@ impl Stream for Tmc13Stream {
         self.0.frames.iter().map(|frame| frame.colour_bytes).sum()
     }
 
+    fn point_step_m(&self) -> Option<f64> {
+        self.0.lattice.map(|lattice| lattice.step_m)
+    }
+
     fn kinds(&self) -> Option<BytesByKind> {
         None
     }

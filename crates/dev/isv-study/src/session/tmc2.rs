@@ -64,6 +64,10 @@ impl Stream for Tmc2Stream {
         self.coded.colour_bytes
     }
 
+    fn point_step_m(&self) -> Option<f64> {
+        Some(self.lattice.step_m)
+    }
+
     fn kinds(&self) -> Option<BytesByKind> {
         None
     }

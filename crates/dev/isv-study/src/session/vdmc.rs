@@ -23,7 +23,7 @@ impl VdmcEncoding {
 impl Encoding for VdmcEncoding {
     /// Keeps the frame: the take is encoded at its end.
     fn encode(&mut self, mesh: &TriangleMesh) -> Result<EncodedFrame, StudyError> {
-        Ok(self.frames.keep(mesh))
+        Ok(self.frames.keep_shape(mesh))
     }
 
     fn finish(self: Box<Self>) -> Result<Box<dyn Stream>, StudyError> {

@@ -19,7 +19,10 @@ pub struct ViewErrors {
 /// Draws both meshes by the cameras around the reference's box, and compares the pictures.
 ///
 /// Each picture that shows something counts the same. [`compare_colours`](crate::compare_colours) does this with meshes. Points can
-/// be compared so once they are a mesh of cubes or of discs.
+/// be compared so once they are a mesh of cubes or of discs. A mesh without appearance is white.
+///
+/// # Panics
+/// If a triangle names a vertex that is not there, or an appearance does not fit its mesh.
 #[must_use]
 pub fn compare_views(reference: &TriangleMesh, test: &TriangleMesh) -> ViewErrors {
     let Some(bounds) = reference.bounds() else { return ViewErrors::default() };
