@@ -165,6 +165,7 @@ pub(crate) fn evaluate(
     units: [String; 2],
     origins: [Option<[f64; 3]>; 2],
     up: [String; 2],
+    animations: [Option<String>; 2],
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<String> {
     if !(spacing > 0.0 && spacing.is_finite()) {
@@ -172,16 +173,18 @@ pub(crate) fn evaluate(
     }
     let (events, cancellation, memory) = (Events::default(), Cancellation::new(), MemoryLimit::default());
     let observer: Arc<dyn isv::raw::take::Observer> = Arc::new(observer(&events));
-    let hints = |unit: &str, origin: Option<[f64; 3]>, up: &str| {
+    let hints = |side: usize| {
+        let (unit, origin, up, animation) =
+            (&units[side], origins[side], &up[side], animations[side].clone());
         let unit: Unit = unit.parse().map_err(|why| PyValueError::new_err(format!("units: {why}")))?;
-        let up = Up::ALL.into_iter().find(|axis| axis.name() == up);
+        let up = Up::ALL.into_iter().find(|axis| axis.name() == *up);
         let up =
             up.ok_or_else(|| PyValueError::new_err("up is \"y\", \"z\", \"x\", \"-y\", \"-z\" or \"-x\""))?;
         let colours = isv::raw::io::Colours::Keep;
         let usual = Hints::in_unit(unit, memory, Arc::clone(&observer)).with_origin(origin);
-        Ok::<_, PyErr>(Hints { up, colours, ..usual })
+        Ok::<_, PyErr>(Hints { up, colours, animation, ..usual })
     };
-    let hints = [hints(&units[0], origins[0], &up[0])?, hints(&units[1], origins[1], &up[1])?];
+    let hints = [hints(0)?, hints(1)?];
     let ranges = [frames, test_frames].map(|frames| {
         frames.map(|(start, stop)| FrameRange { start, end: stop.unwrap_or(FrameRange::OPEN) })
     });

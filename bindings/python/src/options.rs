@@ -135,6 +135,7 @@ impl Options {
                     let (start, stop) = value.extract::<(usize, Option<usize>)>()?;
                     encode.frames(start..stop.unwrap_or(FrameRange::OPEN))
                 }
+                "animation" => encode.animation(choice()?),
                 "skip_bad_frames" => encode.skip_bad_frames(value.extract()?),
                 "drop_invalid_points" => encode.drop_invalid_points(value.extract()?),
                 "memory_limit" => encode.memory_limit(value.extract()?),

@@ -101,6 +101,8 @@ class EncodeOptions(TypedDict, total=False):
     """Place (x, y, z) of meshes and points, in their unit, that becomes the origin."""
     up: Literal["y", "z", "x", "-y", "-z", "-x"]
     """Axis of meshes and points that points up [default: "y"]."""
+    animation: str
+    """Animation of a glTF file, by name or number from 0 [default: the first that moves anything]."""
     skip_bad_frames: bool
     """Leave out frames that cannot be read or used. Sources that are paths keep the times of the others."""
     drop_invalid_points: bool

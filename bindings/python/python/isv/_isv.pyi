@@ -119,6 +119,7 @@ def evaluate(
     units: list[str],
     origins: list[tuple[float, float, float] | None],
     up: list[str],
+    animations: list[str | None],
     progress: _Progress,
 ) -> str: ...
 def info(path: _Path) -> str: ...

@@ -65,6 +65,8 @@ def evaluate(
     test_origin: Sequence[float] | None = None,
     up: Literal["y", "z", "x", "-y", "-z", "-x"] = "y",
     test_up: Literal["y", "z", "x", "-y", "-z", "-x"] = "y",
+    animation: str | None = None,
+    test_animation: str | None = None,
     progress: Callable[[int, int | None], object] | None = None,
 ) -> dict[str, Any]:
     """Measure the errors of frames against a reference: of their geometry and of their colours.
@@ -81,6 +83,8 @@ def evaluate(
         test_origin: Place (x, y, z) of meshes or points that are measured, in their unit, that is the origin.
         up: Axis of the reference that points up.
         test_up: Axis of what is measured that points up.
+        animation: Animation of a reference in glTF, by name or number from 0 [default: the first that moves anything].
+        test_animation: Animation of what is measured, as ``animation``.
         progress: Function that is called with the number of frames done, and None.
 
     Returns:
@@ -102,6 +106,7 @@ def evaluate(
         [units, test_units],
         [_place(origin), _place(test_origin)],
         [up, test_up],
+        [animation, test_animation],
         progress,
     )
     figures: dict[str, Any] = json.loads(json_text)

@@ -880,6 +880,11 @@ isv_status isv_encode_options_set_two_passes(struct isv_encode_options *options,
                                              int32_t are_wanted);
 
 /**
+ * Sets the animation of a glTF file, by name or number from 0 [default: the first that moves anything].
+ */
+isv_status isv_encode_options_set_animation(struct isv_encode_options *options, const char *animation);
+
+/**
  * Sets the title of the take, for people. `isv_info_json` tells it under "metadata".
  */
 isv_status isv_encode_options_set_title(struct isv_encode_options *options, const char *title);

@@ -405,6 +405,19 @@ pub extern "C" fn isv_encode_options_set_two_passes(
     })
 }
 
+/// Sets the animation of a glTF file, by name or number from 0 [default: the first that moves anything].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn isv_encode_options_set_animation(
+    options: *mut isv_encode_options,
+    animation: *const c_char,
+) -> isv_status {
+    call_ok(|| {
+        // SAFETY: isv.h asks for text.
+        let animation = unsafe { text("animation", animation) }?.to_owned();
+        set(options, "animation", move |options| options.animation(animation.clone()))
+    })
+}
+
 /// Sets the title of the take, for people. `isv_info_json` tells it under "metadata".
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn isv_encode_options_set_title(

@@ -3,6 +3,7 @@
 mod support;
 
 use isv::raw::io::{Animation, Unit};
+use isv_testfiles::gltf::of_several_animations;
 use isv_testkit::capture;
 use serde_json::Value;
 use std::fs;
@@ -44,6 +45,53 @@ fn one_glb_holds_an_animation() {
     work.isv(&["decode", "take.isv", "-o", "first"]).done();
     let distance = distance_mm(&work, "first", "again");
     assert!(distance < 3.0, "{distance} mm after being coded twice");
+}
+
+#[test]
+fn an_animation_of_a_file_is_chosen_by_name_or_number() {
+    let work = Workspace::new();
+    fs::write(work.path("film.glb"), of_several_animations()).unwrap();
+    // Up to the tenth of a second the first that moves goes up by 0.3 m, the other by 0.6 m.
+    let encode = |output: &str, animation: &[&str]| {
+        let usual = ["encode", "film.glb", "-o", output, "--voxel", "20mm", "--frames", "0..4"];
+        work.isv(&[&usual[..], animation].concat()).done()
+    };
+    let first = encode("first.isv", &[]);
+    assert!(first.stderr().contains("animation walk is taken; the others are 0, jump"), "{}", first.stderr());
+    let run = encode("jump.isv", &["--animation", "jump"]);
+    assert!(run.stderr().contains("animation jump is taken; the others are 0, walk"), "{}", run.stderr());
+    encode("walk.isv", &["--animation", "walk"]);
+    encode("second.isv", &["--animation", "1"]);
+    let [first, walk, second, jump] =
+        ["first.isv", "walk.isv", "second.isv", "jump.isv"].map(|name| work.read(name));
+    assert!(first == walk && walk == second && walk != jump);
+    // One that moves nothing is a frame.
+    work.isv(&["encode", "film.glb", "-o", "rest.isv", "--voxel", "20mm", "--animation", "0"]).done();
+    assert_eq!(frames_in(&work, "rest.isv"), 1);
+
+    let error_mm = |stream: &str, animation: &str| {
+        let range = ["--frames", "3..4"];
+        let usual = ["eval", "film.glb", stream, "--json", "--animation", animation];
+        work.isv(&[&usual[..], &range].concat()).json()["p2s_mean_mm"].as_f64().unwrap()
+    };
+    assert!(error_mm("jump.isv", "jump") < 5.0 && error_mm("walk.isv", "walk") < 5.0);
+    assert!(error_mm("jump.isv", "walk") > 200.0);
+    let options = ["--against", "film.glb", "--against-animation", "jump", "--frame", "3", "--size", "64"];
+    work.isv(&[&["render", "jump.isv", "-o", "error.png"][..], &options].concat()).done();
+    work.isv(&["render", "film.glb", "-o", "film.png", "--animation", "jump", "--size", "64"]).done();
+}
+
+#[test]
+fn an_animation_that_is_not_there_is_refused() {
+    let (work, _) = Workspace::with_stream(1);
+    fs::write(work.path("film.glb"), of_several_animations()).unwrap();
+    let refused = |input: &str, animation: &str, parts: &[&str]| {
+        work.isv(&["encode", input, "-o", "out.isv", "--animation", animation]).fails(1, parts);
+    };
+    refused("film.glb", "run", &["film.glb: no animation run: it has 0, walk, jump"]);
+    refused("film.glb", "3", &["no animation 3"]);
+    refused("frames", "run", &["frames: has no animations to choose from"]);
+    refused("take.isv", "run", &["take.isv: has no animations to choose from"]);
 }
 
 #[test]

@@ -144,6 +144,8 @@ pub struct Hints {
     pub truncation: Option<Truncation>,
     /// Frames a second, at which an animation is sampled.
     pub frame_rate: FrameRate,
+    /// Name or number, counted from 0, of the animation of a glTF file that plays; the first that moves anything.
+    pub animation: Option<String>,
     /// The place of meshes and points, in metres, that is to be the origin.
     pub origin_m: [f64; 3],
     /// Treatment of points that are nowhere.
@@ -176,6 +178,7 @@ impl Hints {
             voxel_size: None,
             truncation: None,
             frame_rate: FrameRate::DEFAULT,
+            animation: None,
             origin_m: [0.0; 3],
             invalid_points: InvalidPoints::Refuse,
             mixed_scales: false,

@@ -274,6 +274,13 @@ impl EncodeOptions {
         self
     }
 
+    /// Plays the animation of this name, or of this number from 0, of a glTF file [default: the first that moves anything].
+    #[must_use]
+    pub fn animation(mut self, name: impl Into<String>) -> Self {
+        self.raw.animation = Some(name.into());
+        self
+    }
+
     /// Leaves out frames that cannot be read or used; the others keep their times.
     #[must_use]
     pub fn skip_bad_frames(mut self, wanted: bool) -> Self {

@@ -60,8 +60,8 @@ impl CapturedTake {
             Ok(sequence) => sequence.paths().to_vec(),
             Err(_) => vec![self.input.clone()],
         };
-        let mut text =
-            format!("{:?} {:?} {:?} {:?}", self.range, self.hints.unit, self.hints.origin_m, self.frame_rate);
+        let Hints { unit, origin_m, animation, .. } = &self.hints;
+        let mut text = format!("{:?} {unit:?} {origin_m:?} {:?} {animation:?}", self.range, self.frame_rate);
         for path in paths {
             // Writing to a string does not fail.
             let _ = write!(text, "; {} {}", path.display(), file_state(&path));

@@ -246,21 +246,23 @@ pub fn morphed(interpolation: &str, weights: &[f32], extra: &Value) -> Vec<u8> {
 /// The tangents of a second target and those at the ends move nothing; out of the first key go 8 a second.
 pub const MORPH_SPLINE: [f32; 12] = [9.0, 9.0, 0.0, 0.0, 8.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9.0, 9.0];
 
-/// A triangle with three animations of two seconds that go up by 6. The first moves a node that shows
-/// nothing, the second a node above that of the triangle, the third that one.
+/// A triangle with three animations of two seconds that go up. The first moves a node that shows nothing. The second, "walk", moves a
+/// node above that of the triangle by 6, the third, "jump", that one by 12.
 #[must_use]
 pub fn of_several_animations() -> Vec<u8> {
     let mut data = Data::default();
     let positions = data.floats("VEC3", &TRIANGLE);
     let times = data.times(&[0.0, 2.0]);
-    let path = data.floats("VEC3", &[[0.0; 3], [0.0, 0.0, 6.0]]);
-    let clip = |node: usize| {
-        json!({ "channels": [{ "sampler": 0, "target": { "node": node, "path": "translation" } }],
+    let mut clip = |name: &str, node: usize, height: f32| {
+        let path = data.floats("VEC3", &[[0.0; 3], [0.0, 0.0, height]]);
+        json!({ "name": name,
+                "channels": [{ "sampler": 0, "target": { "node": node, "path": "translation" } }],
                 "samplers": [{ "input": times, "output": path }] })
     };
+    let clips = [clip("", 2, 6.0), clip("walk", 1, 6.0), clip("jump", 0, 12.0)];
     data.glb(json!({
         "nodes": [{ "mesh": 0 }, { "children": [0] }, {}],
         "meshes": [{ "primitives": [{ "attributes": { "POSITION": positions } }] }],
-        "animations": [clip(2), clip(1), clip(0)],
+        "animations": clips,
     }))
 }

@@ -142,9 +142,10 @@ fn another_animation_can_be_asked_for_and_what_moves_nothing_is_at_rest() {
     let mut film = animation(&of_several_animations()).unwrap();
     assert!(!film.is_animated(), "a node that shows nothing");
     assert_eq!(film.frame_count(25.0), 1);
-    for moving in [1, 2] {
+    assert_eq!(film.names().collect::<Vec<_>>(), ["", "walk", "jump"]);
+    for (moving, height) in [(1, 3.0), (2, 6.0)] {
         film.select(moving).unwrap();
-        assert_eq!((film.duration_s(), film.mesh_at(1.0).unwrap().vertices[0].z), (2.0, 3.0));
+        assert_eq!((film.duration_s(), film.mesh_at(1.0).unwrap().vertices[0].z), (2.0, height));
     }
     let error = film.select(3).unwrap_err().to_string();
     assert_eq!(error, "a.glb: animation 3 asked for, but there are 3 (animation 3)");

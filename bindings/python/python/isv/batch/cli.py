@@ -96,6 +96,7 @@ def _encoding(parser: argparse.ArgumentParser) -> None:
     add("--fps", "fps", type=_fps, help="frames a second [default: the input's, else 30]")
     add("--gop", "gop", type=int, metavar="FRAMES", help="frames of a group of pictures [default: 30]")
     add("--frames", "frames", type=_frames, metavar="A..B", help="only these frames of each take")
+    add("--animation", "animation", metavar="NAME", help="animation of glTF files, by name or number from 0")
     add("--preset", "preset", choices=["realtime", "balanced", "archive"], help="work to take on [default: balanced]")
     add("--refresh", "refresh", choices=["keyframes", "gradual"], help="gradual: a take is one shard")
     add("--profile", "profile", choices=["main", "paper"], help="set of the codec's tools [default: main]")

@@ -86,6 +86,9 @@ pub(crate) struct Args {
     /// Only these frames, without frame B
     #[arg(help_heading = "Input", long, value_name = "A..B")]
     frames: Option<FrameRange>,
+    /// Animation of a glTF file, by name or number from 0 [default: the first that moves anything]
+    #[arg(help_heading = "Input", long, value_name = "NAME")]
+    animation: Option<String>,
     /// Number of the frame that is drawn [default: the one in the middle]
     #[arg(help_heading = "Input", long, value_name = "N")]
     picture: Option<usize>,
@@ -265,7 +268,8 @@ impl Study {
         let voxel_size = VoxelSize::from_metres(args.voxel.metres())
             .map_err(|error| usage(format!("--voxel {}: {error}", args.voxel)))?;
         let hints = Hints { frame_rate: args.fps, ..capture::hints(args.units) }.with_origin(args.origin);
-        let in_colour = Hints { colours: Colours::Keep, ..hints.clone() };
+        let animation = args.animation.clone();
+        let in_colour = Hints { colours: Colours::Keep, animation, ..hints.clone() };
         let take = CapturedTake::open(&args.input, in_colour, args.frames)?;
         if args.train.contains(&args.input) {
             return Err(usage(format!(

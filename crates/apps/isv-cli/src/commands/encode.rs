@@ -88,6 +88,9 @@ pub(crate) struct CaptureArgs {
     /// Frames A to B-1, counted from 0; either end may be left out
     #[arg(help_heading = "Input", long, value_name = "A..B")]
     pub(super) frames: Option<FrameRange>,
+    /// Animation of a glTF file, by name or number from 0 [default: the first that moves anything]
+    #[arg(help_heading = "Input", long, value_name = "NAME")]
+    animation: Option<String>,
     /// Most frames from a keyframe to the next
     ///
     /// With --refresh gradual, all of a frame is refreshed within so many frames.
@@ -176,6 +179,7 @@ impl CaptureArgs {
     pub(super) fn options(&self) -> EncodeOptions {
         self.header.options(EncodeOptions {
             frames: self.frames,
+            animation: self.animation.clone(),
             unit: self.units,
             origin: self.origin,
             up: self.up.into(),

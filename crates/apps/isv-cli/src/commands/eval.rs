@@ -74,6 +74,14 @@ pub(crate) struct Args {
     /// Frames a second at which animated files are sampled
     #[arg(long, default_value = "30")]
     fps: FrameRate,
+    /// Animation of REFERENCE, by name or number from 0 [default: the first that moves anything]
+    ///
+    /// What isv encode was told.
+    #[arg(long, value_name = "NAME")]
+    animation: Option<String>,
+    /// Animation of TEST, by name or number from 0 [default: the first that moves anything]
+    #[arg(long, value_name = "NAME")]
+    test_animation: Option<String>,
     /// Frames A to B-1 of REFERENCE, counted from 0
     ///
     /// They are those of TEST too, unless it has just as many frames.
@@ -84,14 +92,17 @@ pub(crate) struct Args {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
     let invalid_points = invalid_points(args.drop_invalid_points);
-    let hints = |unit, origin, up: UpName| Hints {
+    let hints = |unit, origin, up: UpName, animation: &Option<String>| Hints {
         frame_rate: args.fps,
+        animation: animation.clone(),
         up: up.into(),
         invalid_points,
         ..capture::colour_hints(unit).with_origin(origin)
     };
-    let reference = capture::open(&args.reference, &hints(args.units, args.origin, args.up))?;
-    let test = capture::open(&args.test, &hints(args.test_units, args.test_origin, args.test_up))?;
+    let of_reference = hints(args.units, args.origin, args.up, &args.animation);
+    let of_test = hints(args.test_units, args.test_origin, args.test_up, &args.test_animation);
+    let reference = capture::open(&args.reference, &of_reference)?;
+    let test = capture::open(&args.test, &of_test)?;
     let options = CompareOptions { spacing_m: args.spacing.metres(), ..CompareOptions::default() };
     let progress = Progress::new(None, "measuring");
     let (memory, stop) = (memory::limit(), interrupt::cancellation());

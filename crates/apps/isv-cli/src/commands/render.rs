@@ -134,6 +134,9 @@ pub(crate) struct Args {
     /// An animated file is sampled at this rate.
     #[arg(help_heading = "Pictures", long)]
     fps: Option<FrameRate>,
+    /// Animation of a glTF file, by name or number from 0 [default: the first that moves anything]
+    #[arg(help_heading = "Pictures", long, value_name = "NAME")]
+    animation: Option<String>,
     /// Unit of the input's coordinates: m, dm, cm, mm, in, ft or us-ft
     ///
     /// Streams know theirs.
@@ -142,6 +145,9 @@ pub(crate) struct Args {
     /// Unit of the coordinates of --against
     #[arg(help_heading = "Comparison", long, default_value_t = Unit::Metre, requires = "against")]
     against_units: Unit,
+    /// Animation of --against, by name or number from 0 [default: the first that moves anything]
+    #[arg(help_heading = "Comparison", long, value_name = "NAME", requires = "against")]
+    against_animation: Option<String>,
     /// Place of the meshes of --against that is the input's origin
     ///
     /// In their unit: what isv encode was told.
@@ -254,7 +260,8 @@ impl Shots {
 impl Args {
     /// Opens the input.
     fn capture(&self) -> Result<Capture> {
-        let hints = Hints { frame_rate: self.sampling_rate(), ..capture::colour_hints(self.units) };
+        let (frame_rate, animation) = (self.sampling_rate(), self.animation.clone());
+        let hints = Hints { frame_rate, animation, ..capture::colour_hints(self.units) };
         Ok(capture::open(&self.input, &hints)?)
     }
 

@@ -17,14 +17,14 @@ use isv_mp4::is_stream_name;
 use isv_volume::Grid;
 use std::fmt;
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What frames come from.
 pub(super) enum Kind {
     /// Files of meshes or points, one a frame.
     Files(FrameSequence, Hints),
-    /// A glTF file that moves.
-    Animation(Box<Animation>, FrameRate),
+    /// A glTF file that moves, and the number of the animation that plays.
+    Animation { animation: Box<Animation>, playing: usize, frame_rate: FrameRate },
     /// Depth images and the cameras that took them.
     Depth(DepthSequence),
     /// Folders of arrays, one a frame.
@@ -47,6 +47,14 @@ pub(super) enum Kind {
 impl Kind {
     /// Finds out what an input is, and how many frames it has if that can be known.
     pub(super) fn open(input: &Input, hints: &Hints) -> Result<(Option<usize>, Self), CaptureError> {
+        let (frames, kind) = Self::find(input, hints)?;
+        match (&hints.animation, &kind) {
+            (None, _) | (_, Self::Animation { .. }) => Ok((frames, kind)),
+            (Some(_), _) => Err(CaptureError::NotAnimated { name: input.name() }),
+        }
+    }
+
+    fn find(input: &Input, hints: &Hints) -> Result<(Option<usize>, Self), CaptureError> {
         let Input::Path(path) = input else { return Ok((None, pipe::open(hints)?)) };
         if is_stream_name(path) {
             // It is opened more than once.
@@ -80,18 +88,11 @@ impl Kind {
                 .extension()
                 .is_some_and(|e| e.eq_ignore_ascii_case("glb") || e.eq_ignore_ascii_case("gltf"))
         {
-            let mut animation = Animation::open_with(path, &hints.read_options())?;
-            let count = animation.names().len();
-            // The first one that moves anything.
-            for index in 0..count {
-                animation.select(index)?;
-                if animation.is_animated() {
-                    break;
-                }
-            }
-            if animation.is_animated() {
-                let frames = animation.frame_count(hints.frame_rate.per_second()) as usize;
-                return Ok((Some(frames), Self::Animation(Box::new(animation), hints.frame_rate)));
+            let mut animation = Box::new(Animation::open_with(path, &hints.read_options())?);
+            let frame_rate = hints.frame_rate;
+            if let Some(playing) = select(&mut animation, hints.animation.as_deref(), path)? {
+                let frames = animation.frame_count(frame_rate.per_second()) as usize;
+                return Ok((Some(frames), Self::Animation { animation, playing, frame_rate }));
             }
         }
         Ok((Some(sequence.paths().len()), Self::Files(sequence, hints.clone())))
@@ -117,7 +118,7 @@ impl Kind {
             Self::Files(sequence, hints) => {
                 Some(sequence.times().rate().and_then(FrameRate::nearest).unwrap_or(hints.frame_rate))
             }
-            Self::Animation(_, rate) => Some(*rate),
+            Self::Animation { frame_rate, .. } => Some(*frame_rate),
             Self::Depth(depth) => depth.fps().and_then(FrameRate::nearest),
             Self::Stream(_, header, _) => Some(header.frame_rate),
             Self::PipedStream(frames) => Some(frames.header().frame_rate),
@@ -126,7 +127,7 @@ impl Kind {
 
     pub(super) fn grid(&self) -> Option<Grid> {
         match self {
-            Self::Files(..) | Self::Animation(..) | Self::Depth(_) | Self::PipedGeometry(_) => None,
+            Self::Files(..) | Self::Animation { .. } | Self::Depth(_) | Self::PipedGeometry(_) => None,
             Self::Volumes { grid, .. } => Some(*grid),
             Self::Stream(_, header, _) => Some(header.grid),
             Self::PipedStream(frames) => Some(frames.header().grid),
@@ -141,7 +142,7 @@ impl Kind {
     /// What its frames are.
     pub(super) fn content(&self) -> ContentKind {
         match self {
-            Self::Files(..) | Self::Animation(..) | Self::PipedGeometry(_) => ContentKind::Geometry,
+            Self::Files(..) | Self::Animation { .. } | Self::PipedGeometry(_) => ContentKind::Geometry,
             Self::Depth(_) => ContentKind::Depth,
             Self::Volumes { .. } | Self::Stream(..) | Self::PipedStream(_) => ContentKind::Volume,
         }
@@ -150,7 +151,7 @@ impl Kind {
     /// Whether its frames have colours that can be coded; `None` if that is seen in the first frame.
     pub(super) fn has_colour(&self) -> Option<bool> {
         match self {
-            Self::Files(..) | Self::Animation(..) | Self::PipedGeometry(_) => None,
+            Self::Files(..) | Self::Animation { .. } | Self::PipedGeometry(_) => None,
             Self::Depth(depth) => Some(depth.colour_cameras() > 0),
             Self::Volumes { .. } => Some(false),
             Self::Stream(_, header, _) => Some(header.colour_layers.is_some()),
@@ -175,8 +176,14 @@ impl Kind {
                 let taken = (!size_is_known).then_some(taken);
                 taken.into_iter().chain(notes.iter().cloned().map(Remark::Note)).collect()
             }
-            Self::Animation(animation, _) if animation.names().len() > 1 => {
-                vec![Remark::Animations(animation.names().len())]
+            Self::Animation { animation, playing, .. } if animation.names().len() > 1 => {
+                let mut names = animation.names().enumerate().map(|(number, name)| label(number, name));
+                let taken = names.nth(*playing).unwrap_or_default();
+                let others = animation.names().enumerate().filter(|(number, _)| number != playing);
+                vec![Remark::Animations {
+                    taken,
+                    others: others.map(|(number, name)| label(number, name)).collect(),
+                }]
             }
             _ => Vec::new(),
         }
@@ -196,7 +203,7 @@ impl Kind {
             Self::Files(sequence, _) => scanned_ns(sequence.paths().get(frame)?),
             Self::Depth(depth) => depth.timestamp_ns(frame),
             Self::Stream(..) => Some(0),
-            Self::Animation(..) | Self::Volumes { .. } | Self::PipedStream(_) | Self::PipedGeometry(_) => {
+            Self::Animation { .. } | Self::Volumes { .. } | Self::PipedStream(_) | Self::PipedGeometry(_) => {
                 None
             }
         }
@@ -205,7 +212,7 @@ impl Kind {
     pub(super) fn frames_stand_alone(&self) -> bool {
         match self {
             Self::Files(..)
-            | Self::Animation(..)
+            | Self::Animation { .. }
             | Self::Depth(_)
             | Self::Volumes { .. }
             | Self::PipedGeometry(_) => true,
@@ -225,8 +232,8 @@ impl Kind {
                 let since_origin = sequence.select(time_origin..range.end)?;
                 Box::new(FileFrames::new(&since_origin, time_origin, range.start, &hints))
             }
-            Self::Animation(animation, rate) => Box::new(range.map(move |number| {
-                let geometry = animation.geometry_at(number as f64 / rate.per_second())?;
+            Self::Animation { animation, frame_rate, .. } => Box::new(range.map(move |number| {
+                let geometry = animation.geometry_at(number as f64 / frame_rate.per_second())?;
                 let name = format!("{name}, frame {number}");
                 let content = Content::Geometry(geometry);
                 Ok(CapturedFrame::new(number, name, content))
@@ -272,8 +279,13 @@ pub enum Remark {
     NotKept(Vec<String>),
     /// The voxel size that was taken, as the volumes do not say.
     VoxelTaken(Length),
-    /// Number of animations in a file, of which one is taken.
-    Animations(usize),
+    /// The animations of a file that has more than one.
+    Animations {
+        /// Name of the one that plays, or its number if it has none.
+        taken: String,
+        /// The others.
+        others: Vec<String>,
+    },
     /// Number of depth images without a pose close in time.
     DepthSkipped(usize),
     /// Images are undistorted.
@@ -314,8 +326,8 @@ impl fmt::Display for Remark {
             Self::Note(note) => f.write_str(note),
             Self::NotKept(parts) => write!(f, "not kept: {}", parts.join(", ")),
             Self::VoxelTaken(voxel) => write!(f, "does not say how large a voxel is: taken as {voxel}"),
-            Self::Animations(count) => {
-                write!(f, "has {count} animations, of which the first that moves anything is taken")
+            Self::Animations { taken, others } => {
+                write!(f, "animation {taken} is taken; the others are {}", listed(others))
             }
             Self::DepthSkipped(count) => write!(
                 f,
@@ -346,6 +358,58 @@ impl fmt::Display for Remark {
             }
         }
     }
+}
+
+/// Most animations that a sentence names.
+const MOST_NAMED: usize = 12;
+
+/// The animations in a sentence, the first of them by name.
+fn listed(animations: &[String]) -> String {
+    let named = animations.iter().take(MOST_NAMED).cloned().collect::<Vec<_>>().join(", ");
+    match animations.len().checked_sub(MOST_NAMED) {
+        None | Some(0) => named,
+        Some(more) => format!("{named} and {more} more"),
+    }
+}
+
+/// What an animation is called in a sentence: its name, or its number if it has none. Files may have any bytes there.
+fn label(number: usize, name: &str) -> String {
+    const MOST_LETTERS: usize = 40;
+    match name.trim() {
+        "" => number.to_string(),
+        name => name.chars().filter(|letter| !letter.is_control()).take(MOST_LETTERS).collect(),
+    }
+}
+
+/// Selects the animation that was asked for, by its name or its number from 0, else the first that moves anything. `None` if nothing
+/// was asked for and nothing moves.
+fn select(
+    animation: &mut Animation,
+    asked: Option<&str>,
+    path: &Path,
+) -> Result<Option<usize>, CaptureError> {
+    let count = animation.names().len();
+    let Some(asked) = asked else {
+        for index in 0..count {
+            animation.select(index)?;
+            if animation.is_animated() {
+                return Ok(Some(index));
+            }
+        }
+        return Ok(None);
+    };
+    let by_name = animation.names().position(|name| name == asked);
+    let by_number = || asked.parse().ok().filter(|number| *number < count);
+    let Some(index) = by_name.or_else(by_number) else {
+        let names: Vec<_> = animation.names().enumerate().map(|(number, name)| label(number, name)).collect();
+        let (name, asked) = (path.display().to_string(), asked.to_owned());
+        return Err(match names.is_empty() {
+            true => CaptureError::NotAnimated { name },
+            false => CaptureError::NoSuchAnimation { name, asked, others: listed(&names) },
+        });
+    };
+    animation.select(index)?;
+    Ok(Some(index))
 }
 
 fn depth_remarks(depth: &DepthSequence) -> Vec<Remark> {

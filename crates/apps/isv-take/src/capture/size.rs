@@ -19,7 +19,7 @@ pub(super) fn bytes(kind: &Kind, range: &Range<usize>, whole: Option<&Path>) -> 
             }
             paths.iter().map(|path| file_bytes(path)).sum()
         }
-        Kind::Animation(..) => whole
+        Kind::Animation { .. } => whole
             .filter(|path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb")))
             .and_then(file_bytes),
         Kind::Depth(depth) => range.clone().flat_map(|frame| depth.image_paths(frame)).map(file_bytes).sum(),

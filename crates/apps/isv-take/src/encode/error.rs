@@ -58,6 +58,22 @@ pub enum CaptureError {
         /// What is wrong.
         cause: io::Error,
     },
+    /// An animation that the file does not have.
+    #[error("{name}: no animation {asked}: it has {others}")]
+    NoSuchAnimation {
+        /// Name of the input.
+        name: String,
+        /// What was asked for.
+        asked: String,
+        /// Names of those that it has.
+        others: String,
+    },
+    /// An animation was asked for by name, of a capture that is no glTF file with animations.
+    #[error("{name}: has no animations to choose from")]
+    NotAnimated {
+        /// Name of the input.
+        name: String,
+    },
     /// Frames that are not there.
     #[error("{name}: {cause}")]
     Range {

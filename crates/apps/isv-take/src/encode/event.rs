@@ -148,7 +148,7 @@ impl EncodeEvent {
             Self::Sides { sides, .. } => !sides.is_usable(),
             Self::Capture { remark, .. } => !matches!(
                 remark,
-                Remark::Note(_) | Remark::Animations(_) | Remark::Undistorted | Remark::TimeUnit { .. }
+                Remark::Note(_) | Remark::Animations { .. } | Remark::Undistorted | Remark::TimeUnit { .. }
             ),
             _ => true,
         }

@@ -224,6 +224,8 @@ pub struct EncodeOptions {
     pub profile: Option<ProfileChoice>,
     /// Frame rate; the capture's, else 30 a second.
     pub frame_rate: Option<FrameRate>,
+    /// Name or number, counted from 0, of the animation of a glTF file; the first that moves anything.
+    pub animation: Option<String>,
     /// Voxel size.
     pub voxel: VoxelChoice,
     /// Edge of a block (voxels); the volumes' own, else 8.
@@ -274,6 +276,7 @@ impl Default for EncodeOptions {
             fields: FieldOptions::default(),
             profile: None,
             frame_rate: None,
+            animation: None,
             voxel: VoxelChoice::Fit,
             block: None,
             truncation: None,
@@ -306,6 +309,7 @@ impl EncodeOptions {
             voxel_size: self.voxel_size()?,
             truncation: self.truncation()?,
             frame_rate: self.frame_rate.unwrap_or(usual.frame_rate),
+            animation: self.animation.clone(),
             invalid_points: self.invalid_points,
             mixed_scales: self.mixed_scales,
             up: self.up,

@@ -75,7 +75,8 @@ impl FrameSource {
             let projection = args.project_from.as_ref().map(project).transpose()?;
             return Ok(Self { input, range, reference: None, projection });
         };
-        let hints = Hints { frame_rate: args.sampling_rate(), ..capture::hints(args.against_units) };
+        let (frame_rate, animation) = (args.sampling_rate(), args.against_animation.clone());
+        let hints = Hints { frame_rate, animation, ..capture::hints(args.against_units) };
         let reference = capture::open(against, &hints.with_origin(args.against_origin))?;
         // The same length is asked for even if only the first frames are drawn: they may not belong together otherwise.
         let ranges = matching_ranges(&reference, &input, asked)?;
