@@ -15,6 +15,9 @@ use std::sync::Arc;
 /// Qualities of geometry and colour: about 0.3, 0.6 and 1.2 Mbps of `liam_textured`.
 const QUALITIES: [f32; 3] = [30.0, 48.0, 62.0];
 
+/// End of the scale of distances.
+const ERROR_RANGE_M: f64 = 0.005;
+
 /// Draws a take beside its streams into `NAME.png` of a folder, where the streams are kept too, and prints rates and errors.
 pub(crate) fn run(data: &Path, sequence: &str, out: &Path, yaw_degrees: f64) -> Result<()> {
     let input = data.join(sequence);
@@ -36,7 +39,7 @@ pub(crate) fn run(data: &Path, sequence: &str, out: &Path, yaw_degrees: f64) -> 
         streams.push(stream(&input, &path, quality, &frames, &hints)?);
     }
     let meshes = frames.iter().map(|frame| source.mesh(*frame)).collect::<Result<_, _>>()?;
-    let sheet = Sheet { frames, source: meshes, streams, close_up: 1, yaw_degrees };
+    let sheet = Sheet { frames, source: meshes, streams, close_up: 1, yaw_degrees, range_m: ERROR_RANGE_M };
     let mut file = AtomicFile::create(&out.join(format!("{sequence}.png")))?;
     file.write_all(&sheet.png()?)?;
     Ok(file.commit()?)

@@ -57,7 +57,7 @@ pub use memory::peak_bytes;
 pub use metric::Metric;
 pub use picture::{CodecPicture, CodecPictures, View};
 pub use record::{BytesByKind, ProgramUse, Record, Timing};
-pub use report::{DeltaRow, Report};
+pub use report::{Alike, DeltaRow, Peers, Report, SheetFile};
 pub use sheet::{Sheet, SheetStream};
 pub use stages::Stages;
 pub use store::Store;

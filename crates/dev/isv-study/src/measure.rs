@@ -113,9 +113,9 @@ pub struct Measured {
     pub picture: Geometry,
     /// The stream, where other commands can read it.
     pub isv_file: Option<Vec<u8>>,
-    /// Decoded frames with colour of a stream that other commands cannot read, each with its place in the take: those of
+    /// Decoded frames of a stream that other commands cannot read, each with its place in the take: those of
     /// [`StudySettings::sheet_frames`].
-    pub coloured_frames: Vec<(usize, Geometry)>,
+    pub sheet_frames: Vec<(usize, Geometry)>,
 }
 
 impl<'a> Subject<'a> {
@@ -222,7 +222,7 @@ impl<'a> Subject<'a> {
     pub fn measure(&self, point: OperatingPoint, step: &mut dyn FnMut()) -> Result<Measured, StudyError> {
         let encoded = self.encode(point, step)?;
         let decoded = time_decoding(&*encoded.stream)?;
-        let Compared { frame_errors, frame_colour_errors, picture, coloured_frames } =
+        let Compared { frame_errors, frame_colour_errors, picture, sheet_frames } =
             self.compare_frames(&*encoded.stream, step)?;
         let frames = encoded.frame_bytes.len();
         if frame_errors.len() != frames {
@@ -255,7 +255,7 @@ impl<'a> Subject<'a> {
             record,
             picture: picture.ok_or_else(no_frames)?,
             isv_file: encoded.stream.isv_file().map(<[u8]>::to_vec),
-            coloured_frames,
+            sheet_frames,
         })
     }
 
@@ -297,7 +297,7 @@ impl<'a> Subject<'a> {
     /// Decodes again, with colour, and compares.
     fn compare_frames(&self, stream: &dyn Stream, step: &mut dyn FnMut()) -> Result<Compared, StudyError> {
         let mut compared = Compared::default();
-        let sheet_frames = self.settings.sheet_frames(self.take.frames());
+        let shown = self.settings.sheet_frames(self.take.frames());
         for (original, decoded) in self.take.meshes().map_err(StudyError::Take)?.zip(stream.decode(true)?) {
             let (original, decoded) = (original.map_err(StudyError::Take)?, decoded?);
             let frame = compared.frame_errors.len();
@@ -325,8 +325,8 @@ impl<'a> Subject<'a> {
                 colours.render_ssim = views.ssim;
             }
             compared.frame_colour_errors.push(colours);
-            if has_colours && stream.isv_file().is_none() && sheet_frames.contains(&frame) {
-                compared.coloured_frames.push((frame, decoded.shape.clone()));
+            if stream.isv_file().is_none() && shown.contains(&frame) {
+                compared.sheet_frames.push((frame, decoded.shape.clone()));
             }
             if frame == self.settings.picture_frame {
                 compared.picture = Some(decoded.shape);
@@ -377,8 +377,8 @@ struct Compared {
     frame_colour_errors: Vec<ColourError>,
     /// The decoded picture frame.
     picture: Option<Geometry>,
-    /// Frames for [`Measured::coloured_frames`].
-    coloured_frames: Vec<(usize, Geometry)>,
+    /// Frames for [`Measured::sheet_frames`].
+    sheet_frames: Vec<(usize, Geometry)>,
 }
 
 /// What decoding took.

@@ -4,7 +4,7 @@ use crate::bjontegaard::Delta;
 use crate::chart::Chart;
 use crate::codec::Codec;
 use crate::picture::{CodecPicture, CodecPictures, View};
-use crate::report::{DeltaRow, colour};
+use crate::report::{DeltaRow, SheetFile, colour};
 use crate::{Metric, ProgramUse, Record, Report};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -17,15 +17,16 @@ pub(crate) fn html(
     report: &Report,
     deltas: &[DeltaRow],
     charts: &[(&'static str, Chart)],
-    pictures: Option<&CodecPictures>,
-    sheet: Option<&[u8]>,
+    pictures: &[CodecPictures],
+    sheets: &[SheetFile],
 ) -> String {
     let take = escape(&report.take);
     let sections = [
-        head(report, pictures.is_some()),
+        head(report, !pictures.is_empty(), !sheets.is_empty()),
         charts_section("rates", "Rate and error", RATES, charts.iter().take(Metric::ALL.len())),
-        colours_section(report, charts, sheet),
-        pictures.map_or(String::new(), pictures_section),
+        colours_section(report, charts),
+        pictures_section(pictures),
+        sheets_section(sheets),
         deltas_section(report, deltas),
         charts_section(
             "costs",
@@ -58,9 +59,9 @@ const COLOURS: &str = "Errors are measured where both the capture and the stream
 const NO_COLOURS: &str = "There is no colour to compare: the capture has none, or no codec of this study keeps it. Profile main, \
                           draco-video, tmc13 and tmc2 do.";
 
-const SHEET: &str = "The source and the streams, each at its point nearest to one rate, in their colours without light. The last \
-                     rows show the top, and the part where the colours differ most. The same as <a \
-                     href=\"sheet.png\">sheet.png</a>.";
+const SHEETS: &str = "The source and the streams, each at its point nearest to one level. Frames are in their colours without light, where \
+                      there are any, then by surface normal and by distance from the source. The last rows show the top, and the \
+                      part where pictures differ most. Click to enlarge.";
 
 const COSTS: &str = "Time to encode is from mesh to bytes: ingest or simplification, then coding; time to decode is from bytes \
                      to mesh. Colour is not part of these times, but of those of codecs of points. Codecs of others run as programs that read and write files, which is part of their time; those that code a whole take at once have equal shares.";
@@ -71,7 +72,7 @@ const POINTS: &str = "Codecs of points are given the voxels that the source's su
                       does not see what is missing; D1 and D2 take the worse of both directions. In pictures their points are \
                       cubes.";
 
-const PICTURES: &str = "Each codec at its point nearest to the same rate: by surface normal, and by distance from what went in. Click \
+const PICTURES: &str = "Each codec at its point nearest to one level: by surface normal, and by distance from what went in. Click \
                         to enlarge.";
 
 const DELTAS: &str = "How much rate the codec of a row takes at equal quality, against the codec of a column: negative is a saving. \
@@ -79,12 +80,13 @@ const DELTAS: &str = "How much rate the codec of a row takes at equal quality, a
                       cover; errors count as -20 log10. Faint: the two share less than a quarter of the quality that either \
                       covers. A dash: they share none.";
 
-fn head(report: &Report, has_pictures: bool) -> String {
+fn head(report: &Report, has_pictures: bool, has_sheets: bool) -> String {
     let frames = report.records.iter().map(Record::frames).max().unwrap_or(0);
     let links = [
         ("rates", "Rate and error"),
         ("colours", "Colour"),
         ("pictures", "Pictures"),
+        ("sheets", "Contact sheets"),
         ("deltas", "Savings"),
         ("costs", "Time and bits"),
         ("results", "All results"),
@@ -92,6 +94,7 @@ fn head(report: &Report, has_pictures: bool) -> String {
     ];
     let is_there = |id: &str| match id {
         "pictures" => has_pictures,
+        "sheets" => has_sheets,
         "deltas" => report.codecs().len() > 1,
         _ => true,
     };
@@ -107,8 +110,8 @@ fn head(report: &Report, has_pictures: bool) -> String {
     )
 }
 
-/// Charts of colour, or the reason why there are none, and the contact sheet.
-fn colours_section(report: &Report, charts: &[(&'static str, Chart)], sheet: Option<&[u8]>) -> String {
+/// Charts of colour, or the reason why there are none.
+fn colours_section(report: &Report, charts: &[(&'static str, Chart)]) -> String {
     let of_colour = |name: &str| Metric::COLOUR.iter().any(|metric| metric.key() == name);
     let figures: String =
         charts.iter().filter(|(name, _)| of_colour(name)).map(|(name, chart)| inline(name, chart)).collect();
@@ -117,14 +120,7 @@ fn colours_section(report: &Report, charts: &[(&'static str, Chart)], sheet: Opt
         false => format!("<div class=\"charts\">\n{figures}</div>\n"),
     };
     let words = if report.has_colour() { COLOURS } else { NO_COLOURS };
-    let sheet = sheet.map_or(String::new(), |png| {
-        let image = picture(png, "The source and the streams side by side");
-        format!(
-            "<p>{SHEET}</p>\n<figure class=\"picture\">{}</figure>",
-            image.replace("<img", "<img class=\"sheet\"")
-        )
-    });
-    section("colours", "Colour", words, &(figures + &sheet))
+    section("colours", "Colour", words, &figures)
 }
 
 fn section(id: &str, title: &str, words: &str, body: &str) -> String {
@@ -148,19 +144,41 @@ fn inline(name: &str, chart: &Chart) -> String {
     format!("<figure class=\"chart\">{svg}</figure>\n")
 }
 
-fn pictures_section(pictures: &CodecPictures) -> String {
-    let words = format!("Frame {}, near {:.2} Mbps. {PICTURES}", pictures.frame, pictures.mbps);
-    let legend = picture(&pictures.legend, "Scale of distances in millimetres")
-        .replace("<img", "<img class=\"legend\"");
+/// The frame at each level, with a group of tabs.
+fn pictures_section(levels: &[CodecPictures]) -> String {
+    let Some(first) = levels.first() else { return String::new() };
+    let legend =
+        picture(&first.legend, "Scale of distances in millimetres").replace("<img", "<img class=\"legend\"");
+    let body: String = levels.iter().map(|pictures| at_level(pictures, &legend)).collect();
+    section("pictures", "The same frame of all codecs", &format!("Frame {}. {PICTURES}", first.frame), &body)
+}
+
+fn at_level(pictures: &CodecPictures, legend: &str) -> String {
+    let CodecPictures { alike, level, .. } = pictures;
     let panel = |id: &str, view: fn(&CodecPicture) -> &View| {
         let figures: String = pictures.codecs.iter().map(|picture| figure(picture, view(picture))).collect();
         format!(
             "<div role=\"tabpanel\" id=\"{id}\" class=\"panel\"><div class=\"codecs\">\n{figures}</div></div>\n"
         )
     };
-    let tabs = tabs(&[("whole".to_owned(), "Whole"), ("close-up".to_owned(), "Close-up")]);
-    let panels = panel("whole", |e| &e.whole) + &panel("close-up", |e| &e.close_up);
-    section("pictures", "The same frame at the same rate", &words, &format!("{legend}{tabs}{panels}"))
+    let [whole, close_up] = ["whole", "close-up"].map(|view| format!("{view}-{alike}"));
+    let panels = panel(&whole, |e| &e.whole) + &panel(&close_up, |e| &e.close_up);
+    let tabs = tabs(&[(whole, "Whole"), (close_up, "Close-up")]);
+    format!("<h3>At the same {alike}, near {level}</h3>\n{legend}{tabs}{panels}")
+}
+
+fn sheets_section(sheets: &[SheetFile]) -> String {
+    let figure = |sheet: &SheetFile| {
+        let (alike, name) = (sheet.alike, sheet.alike.sheet_name());
+        let image = picture(&sheet.png, &format!("The source and the streams at the same {alike}"))
+            .replace("<img", "<img class=\"sheet\"");
+        format!(
+            "<h3>At the same {alike}</h3>\n<p>The same as <a href=\"{name}\">{name}</a>.</p>\n\
+             <figure class=\"picture\">{image}</figure>"
+        )
+    };
+    let figures: String = sheets.iter().map(figure).collect();
+    if figures.is_empty() { figures } else { section("sheets", "Contact sheets", SHEETS, &figures) }
 }
 
 fn figure(shown: &CodecPicture, view: &View) -> String {

@@ -1,7 +1,7 @@
 //! Pictures of one frame as each codec gives it back, beside what went in.
 
 use crate::cubes::cubes;
-use crate::{Metric, Record, StudyError};
+use crate::{Alike, Metric, Peers, Record, StudyError};
 use glam::DVec3;
 use isv::raw::io::Geometry;
 use isv::raw::volume::TriangleMesh;
@@ -55,22 +55,24 @@ pub struct CodecPictures {
     pub legend: Vec<u8>,
     /// Number of the frame in the take.
     pub frame: usize,
-    /// The rate that codecs were asked to be near, in megabits a second.
-    pub mbps: f64,
+    /// What the codecs' points are alike in.
+    pub alike: Alike,
+    /// The level that they are near to, with its unit.
+    pub level: String,
 }
 
 impl CodecPictures {
-    /// Draws a frame as it was and as each codec gives it back, all through one camera. The scale of errors ends at
-    /// `range_m` metres.
+    /// Draws a frame as it was and as each codec gives it back, all through one camera. `decoded`: a frame of each of the peers, in
+    /// order. The scale of errors ends at `range_m` metres.
     ///
     /// # Errors
     /// Pictures that cannot be made into files.
     pub fn new(
         original: &TriangleMesh,
-        decoded: &[(&Record, Geometry)],
+        peers: &Peers,
+        decoded: &[Geometry],
         range_m: f64,
         frame: usize,
-        mbps: f64,
     ) -> Result<Self, StudyError> {
         let bounds = original.bounds().unwrap_or_default();
         let view = |bounds, size| Camera::fitting(bounds, size).from_direction(VIEW[0], VIEW[1]);
@@ -83,7 +85,7 @@ impl CodecPictures {
         let mut codecs = vec![setup.original(original)?];
         // A decoded frame was compared with the original, which therefore has faces.
         let surface = (!decoded.is_empty()).then(|| Bvh::new(original));
-        for ((record, shape), surface) in decoded.iter().zip(surface.iter().cycle()) {
+        for ((record, shape), surface) in peers.records.iter().zip(decoded).zip(surface.iter().cycle()) {
             let mesh = match shape {
                 Geometry::Mesh(mesh) => Cow::Borrowed(mesh),
                 Geometry::Points(points) => {
@@ -93,7 +95,7 @@ impl CodecPictures {
             codecs.push(setup.decoded(record, &mesh, surface)?);
         }
         let legend = png(&colour_bar(&setup.scale, LEGEND_WIDTH, Background::Light))?;
-        Ok(Self { codecs, legend, frame, mbps })
+        Ok(Self { codecs, legend, frame, alike: peers.alike, level: peers.level_text() })
     }
 }
 

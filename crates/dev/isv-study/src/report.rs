@@ -5,6 +5,7 @@ use crate::chart::{Axis, Chart, Series};
 use crate::picture::CodecPictures;
 use crate::{Codec, Metric, Record, StudyError, page, table};
 use isv::raw::io::AtomicFile;
+use std::fmt;
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -220,36 +221,47 @@ impl Report {
         self.codecs().into_iter().map(line).collect()
     }
 
-    /// The rate of geometry that most codecs have a point near to. The distances from it to each codec's nearest point, as
-    /// ratios, have the smallest sum. None without records.
+    /// Each codec's point nearest to the level that most codecs have a point near to. The distances from it to each codec's
+    /// nearest point, as ratios, have the smallest sum. None without records.
     #[must_use]
-    pub fn common_mbps(&self) -> Option<f64> {
-        let spread = |mbps: f64| {
-            let nearest = self.near_rate(mbps);
-            nearest.into_iter().map(|record| (record.geometry_mbps() / mbps).ln().abs()).sum::<f64>()
-        };
-        let rates = self.records.iter().map(Record::geometry_mbps);
-        rates.min_by(|a, b| spread(*a).total_cmp(&spread(*b)))
+    pub fn peers(&self, alike: Alike) -> Option<Peers<'_>> {
+        let levels = self.records.iter().filter_map(|record| alike.level(record));
+        let peers = levels.map(|level| self.near(alike, level));
+        peers.min_by(|a, b| a.spread().total_cmp(&b.spread()))
     }
 
-    /// Each codec's point nearest to a rate of geometry, by ratio.
+    /// The peers of all kinds, without those that are the same points again.
     #[must_use]
-    pub fn near_rate(&self, mbps: f64) -> Vec<&Record> {
-        let distance = |record: &Record| (record.geometry_mbps() / mbps).ln().abs();
-        let nearest = |codec| self.records_of(codec).min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        self.codecs().into_iter().filter_map(nearest).collect()
+    pub fn all_peers(&self) -> Vec<Peers<'_>> {
+        let mut kinds: Vec<Peers> = Vec::new();
+        for peers in Alike::ALL.into_iter().filter_map(|alike| self.peers(alike)) {
+            if !kinds.iter().any(|kind| kind.records == peers.records) {
+                kinds.push(peers);
+            }
+        }
+        kinds
+    }
+
+    /// Each codec's point nearest to a level, by ratio.
+    fn near(&self, alike: Alike, level: f64) -> Peers<'_> {
+        let distance = |record: &&Record| ratio(alike.level(record), level);
+        let nearest = |codec| {
+            let records = self.records_of(codec).filter(|record| alike.level(record).is_some());
+            records.min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        };
+        Peers { alike, level, records: self.codecs().into_iter().filter_map(nearest).collect() }
     }
 
     /// Writes tables, charts and the page into a folder that is there. Files are `results.csv`, `bd_rates.csv`,
-    /// `charts/*.svg` and `.png`, `index.html`, and `sheet.png` if there is a contact sheet.
+    /// `charts/*.svg` and `.png`, `index.html`, and the contact sheets that there are.
     ///
     /// # Errors
     /// Files that cannot be written, charts that cannot be drawn.
     pub fn write(
         &self,
         folder: &Path,
-        pictures: Option<&CodecPictures>,
-        sheet: Option<&[u8]>,
+        pictures: &[CodecPictures],
+        sheets: &[SheetFile],
     ) -> Result<(), StudyError> {
         let deltas = self.deltas();
         write_file(&folder.join("results.csv"), table::results(&self.records).as_bytes())?;
@@ -264,12 +276,93 @@ impl Report {
             write_file(&charts_folder.join(format!("{name}.svg")), chart.svg().as_bytes())?;
             write_file(&charts_folder.join(format!("{name}.png")), &chart.png()?)?;
         }
-        if let Some(sheet) = sheet {
-            write_file(&folder.join("sheet.png"), sheet)?;
+        for sheet in sheets {
+            write_file(&folder.join(sheet.alike.sheet_name()), &sheet.png)?;
         }
-        let page = page::html(self, &deltas, &charts, pictures, sheet);
+        let page = page::html(self, &deltas, &charts, pictures, sheets);
         write_file(&folder.join("index.html"), page.as_bytes())
     }
+}
+
+/// What the points of codecs are alike in where pictures of them stand side by side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Alike {
+    /// Rate of geometry (Mbps).
+    Rate,
+    /// Mean distance of decoded points to the source (mm), which all codecs have.
+    Error,
+}
+
+impl Alike {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Rate, Self::Error];
+
+    fn level(self, record: &Record) -> Option<f64> {
+        let level = match self {
+            Self::Rate => Some(record.geometry_mbps()),
+            Self::Error => record.value(Metric::DecodedToSource),
+        };
+        level.filter(|level| *level > 0.0)
+    }
+
+    /// File of the contact sheet in the folder of a study.
+    #[must_use]
+    pub fn sheet_name(self) -> &'static str {
+        match self {
+            Self::Rate => "sheet.png",
+            Self::Error => "sheet_error.png",
+        }
+    }
+}
+
+impl fmt::Display for Alike {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Rate => "rate",
+            Self::Error => "error",
+        })
+    }
+}
+
+/// One point of each codec, all near to one level.
+#[derive(Clone, Debug)]
+pub struct Peers<'a> {
+    /// What they are alike in.
+    pub alike: Alike,
+    /// The level, in the unit of `alike`.
+    pub level: f64,
+    /// The points.
+    pub records: Vec<&'a Record>,
+}
+
+impl Peers<'_> {
+    /// Sum of the distances to the level.
+    fn spread(&self) -> f64 {
+        self.records.iter().map(|record| ratio(self.alike.level(record), self.level)).sum()
+    }
+
+    /// The level with its unit.
+    #[must_use]
+    pub fn level_text(&self) -> String {
+        match self.alike {
+            Alike::Rate => format!("{:.2} Mbps", self.level),
+            Alike::Error => format!("{:.2} mm", self.level),
+        }
+    }
+}
+
+/// Distance of two levels as a ratio: its logarithm, without the sign.
+fn ratio(level: Option<f64>, other: f64) -> f64 {
+    level.map_or(f64::INFINITY, |level| (level / other).ln().abs())
+}
+
+/// A contact sheet as a PNG file.
+#[derive(Clone, Debug)]
+pub struct SheetFile {
+    /// What its columns are alike in.
+    pub alike: Alike,
+    /// Bytes of the file.
+    pub png: Vec<u8>,
 }
 
 /// The colour of a codec's line.

@@ -4,7 +4,11 @@ use crate::picture::{Bounds, crop, png, top_of};
 use crate::{Metric, Record, StudyError};
 use glam::DVec3;
 use isv::raw::volume::TriangleMesh;
-use isv_render::{Background, Camera, Picture, Shading, Style, contact_sheet, render, text_line};
+use isv_render::{
+    Background, Camera, ErrorScale, Picture, Shading, Style, colour_bar, contact_sheet, render,
+    render_errors, text_line,
+};
+use isv_spatial::Bvh;
 
 /// Width and height in pixels of a picture of the whole, and of a close-up.
 const WHOLE: [usize; 2] = [320, 420];
@@ -58,14 +62,17 @@ pub struct Sheet {
     pub close_up: usize,
     /// Turn of the camera about the up axis (degrees): 0 looks from +z.
     pub yaw_degrees: f64,
+    /// End of the scale of distances (m), above 0.
+    pub range_m: f64,
 }
 
 impl Sheet {
     /// Draws the sheet as a PNG file: a column for the source and one for each stream. If the source has colour, pictures
-    /// show colour without light, and a stream without colour is grey. Else pictures show surface normals.
+    /// show colour without light, and a stream without colour is grey. Else pictures show surface normals. A row of the frame
+    /// of the close-ups shows distances from the source, and one normals where the others show colour.
     ///
     /// # Errors
-    /// A picture that cannot be made into a file.
+    /// A picture that cannot be made into a file, a range that is no length.
     ///
     /// # Panics
     /// If there are no frames, or a column has more or fewer.
@@ -79,6 +86,12 @@ impl Sheet {
             sheet = sheet.above(&captioned(&format!("frame {frame}"), row));
         }
         let (place, frame) = (self.close_up, self.frames[self.close_up]);
+        let whole = self.camera(bounds, WHOLE);
+        if self.has_colour() {
+            let row = self.meshes(place).map(|mesh| render(mesh, &whole, &Style::default())).collect();
+            sheet = sheet.above(&captioned(&format!("frame {frame}, surface normals"), row));
+        }
+        sheet = sheet.above(&self.distances(place, &whole)?);
         let top = self.camera(crop(&self.source[place], top_of(bounds)), CLOSE_UP);
         let row = self.meshes(place).map(|mesh| self.draw(mesh, &top)).collect();
         sheet = sheet.above(&captioned(&format!("frame {frame}, its top"), row));
@@ -90,6 +103,19 @@ impl Sheet {
             sheet = sheet.above(&captioned(&format!("frame {frame}, where {what} differ most"), row));
         }
         png(&sheet)
+    }
+
+    /// A row of distances from the source, under the scale of their colours.
+    fn distances(&self, place: usize, camera: &Camera) -> Result<Picture, StudyError> {
+        let scale = ErrorScale::new(self.range_m)
+            .ok_or_else(|| StudyError::Chart("no range of distances".to_owned()))?;
+        let source = Bvh::new(&self.source[place]);
+        let distance = |point| source.distance(point);
+        let draw = |mesh| render_errors(mesh, camera, &Style::default(), &scale, distance).picture;
+        let row = self.meshes(place).map(draw).collect();
+        let caption = format!("frame {}, distance from the source in mm", self.frames[place]);
+        let bar = colour_bar(&scale, 2 * WHOLE[0], Background::Light);
+        Ok(captioned(&caption, row).above(&bar))
     }
 
     fn has_colour(&self) -> bool {
@@ -223,7 +249,14 @@ mod tests {
     fn sheet_of(decoded: TriangleMesh) -> Sheet {
         let stream = SheetStream { lines: ["a", "b", "c"].map(str::to_owned), meshes: vec![decoded] };
         let source = vec![square([90, 120, 60])];
-        Sheet { frames: vec![7], source, streams: vec![stream], close_up: 0, yaw_degrees: 0.0 }
+        Sheet {
+            frames: vec![7],
+            source,
+            streams: vec![stream],
+            close_up: 0,
+            yaw_degrees: 0.0,
+            range_m: 0.002,
+        }
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// Extensions of coloured frames.
+/// Extensions of the frames of contact sheets.
 const OF_MESH: &str = "glb";
 const OF_POINTS: &str = "ply";
 
@@ -55,7 +55,9 @@ impl Store {
     /// [`StudyError::Output`] and [`StudyError::File`].
     pub fn make(&self) -> Result<(), StudyError> {
         let is_study = self.folder.join("points").is_dir();
-        for name in ["index.html", "results.csv", "bd_rates.csv", "programs.csv", "sheet.png"] {
+        for name in
+            ["index.html", "results.csv", "bd_rates.csv", "programs.csv", "sheet.png", "sheet_error.png"]
+        {
             let path = self.folder.join(name);
             check_overwriting(&path, "this folder has no study", |_| is_study)?;
         }
@@ -76,7 +78,7 @@ impl Store {
     /// # Errors
     /// [`StudyError::File`].
     pub fn keep(&self, codec: Codec, point: &OperatingPoint, measured: Measured) -> Result<(), StudyError> {
-        let Measured { mut record, picture, isv_file, coloured_frames } = measured;
+        let Measured { mut record, picture, isv_file, sheet_frames } = measured;
         record.key = self.key(codec, point);
         make_folder(&self.folder.join("points").join(&record.codec))?;
         self.remove_frames(&record)?;
@@ -89,8 +91,8 @@ impl Store {
         if let Some(bytes) = isv_file {
             write_file(&self.path(&record.codec, &record.point, "isv"), &bytes)?;
         }
-        for (frame, shape) in &coloured_frames {
-            let path = |extension| self.coloured_path(&record, *frame, extension);
+        for (frame, shape) in &sheet_frames {
+            let path = |extension| self.frame_path(&record, *frame, extension);
             match shape {
                 Geometry::Mesh(mesh) => write_mesh(&path(OF_MESH), mesh, Format::Glb),
                 Geometry::Points(points) => write_points(&path(OF_POINTS), points, Format::Ply),
@@ -113,15 +115,15 @@ impl Store {
         Some(self.path(&record.codec, &record.point, "isv")).filter(|path| path.is_file())
     }
 
-    /// File of a decoded frame with colour, by its place in the take: a mesh as GLB or points as PLY. Records without a stream that other
-    /// commands read have one of each frame that [`StudySettings::sheet_frames`] names, if it has colour.
+    /// File of a decoded frame, by its place in the take: a mesh as GLB or points as PLY. Records without a stream that other
+    /// commands read have one of each frame that [`StudySettings::sheet_frames`] names.
     #[must_use]
-    pub fn coloured_frame(&self, record: &Record, frame: usize) -> Option<PathBuf> {
-        let paths = [OF_MESH, OF_POINTS].map(|extension| self.coloured_path(record, frame, extension));
+    pub fn sheet_frame(&self, record: &Record, frame: usize) -> Option<PathBuf> {
+        let paths = [OF_MESH, OF_POINTS].map(|extension| self.frame_path(record, frame, extension));
         paths.into_iter().find(|path| path.is_file())
     }
 
-    /// Removes the coloured frames that an earlier measurement of a point has left.
+    /// Removes the frames that an earlier measurement of a point has left.
     fn remove_frames(&self, record: &Record) -> Result<(), StudyError> {
         let of_point = format!("{}-frame", record.point);
         for file in fs::read_dir(self.folder.join("points").join(&record.codec))? {
@@ -133,7 +135,7 @@ impl Store {
         Ok(())
     }
 
-    fn coloured_path(&self, record: &Record, frame: usize, extension: &str) -> PathBuf {
+    fn frame_path(&self, record: &Record, frame: usize, extension: &str) -> PathBuf {
         self.path(&record.codec, &format!("{}-frame{frame}", record.point), extension)
     }
 

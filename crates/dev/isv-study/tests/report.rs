@@ -1,7 +1,7 @@
 //! Tables, charts and the page of made-up records.
 
 use isv::raw::metrics::{ColourError, GeometryError};
-use isv_study::{BytesByKind, Metric, Record, Report, Timing};
+use isv_study::{Alike, BytesByKind, Metric, Record, Report, SheetFile, Timing};
 
 fn record(codec: &str, point: &str, bytes: u64, p2s_mm: f64) -> Record {
     let error = GeometryError {
@@ -67,18 +67,38 @@ fn deltas_are_those_of_the_curves() {
 fn codecs_are_shown_near_one_rate() {
     let report = report();
     // Points of 9.6, 4.8 and 2.4 Mbps against 7.68 and 3.84: only the ratio 1.25 is to be had, fine or coarse.
-    let mbps = report.common_mbps().unwrap();
-    let near: Vec<_> = report.near_rate(mbps).into_iter().map(|r| (r.codec.as_str(), r.mbps())).collect();
-    assert_eq!(near.len(), 2);
-    let ratio = near[0].1 / near[1].1;
-    assert!((ratio.ln().abs() - 1.25f64.ln()).abs() < 1e-9, "{near:?}");
-    assert_eq!(Report { records: vec![], ..report }.common_mbps(), None);
+    let peers = report.peers(Alike::Rate).unwrap();
+    let [one, other] = [0, 1].map(|codec| peers.records[codec].mbps());
+    assert_eq!(peers.records.len(), 2);
+    assert!(((one / other).ln().abs() - 1.25f64.ln()).abs() < 1e-9, "{one} {other}");
+    assert!(Report { records: vec![], ..report }.peers(Alike::Rate).is_none());
+}
+
+#[test]
+fn codecs_are_shown_near_one_error_if_they_have_one() {
+    let mut report = report();
+    let errors = [0.3, 0.61, 1.2, 0.5, 0.9];
+    for (record, mm) in report.records.iter_mut().zip(errors) {
+        record.error.test_to_ref_mean_mm = Some(mm);
+    }
+    report.records.push(record("draco-25", "10-bit", 48_000, 0.6));
+    let peers = report.peers(Alike::Error).unwrap();
+    let points: Vec<_> = peers.records.iter().map(|record| record.point.as_str()).collect();
+    // Of all pairs these have the smallest ratio; the last codec has no such error.
+    assert_eq!(points, ["k64-ac10mm", "10-bit"]);
+    assert!(["0.61 mm", "0.50 mm"].contains(&peers.level_text().as_str()), "{}", peers.level_text());
+    // At the same rate they would be others; where they are not, nothing is shown twice.
+    assert_eq!(report.all_peers().len(), 2);
+    report.records.retain(|record| record.point == "k64-ac10mm" || record.codec == "draco-25");
+    assert_eq!(report.all_peers().len(), 2, "one codec has no error");
+    report.records.pop();
+    assert_eq!(report.all_peers().len(), 1);
 }
 
 #[test]
 fn files_are_whole() {
     let folder = tempfile::tempdir().unwrap();
-    report().write(folder.path(), None, None).unwrap();
+    report().write(folder.path(), &[], &[]).unwrap();
     let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
 
     let results = read("results.csv");
@@ -100,7 +120,7 @@ fn files_are_whole() {
 #[test]
 fn the_page_needs_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
-    report().write(folder.path(), None, None).unwrap();
+    report().write(folder.path(), &[], &[]).unwrap();
     let page = std::fs::read_to_string(folder.path().join("index.html")).unwrap();
     let without_names = page.replace("http://www.w3.org/", "").replace("url(#", "");
     for reference in ["http:", "https:", "src=\"/", "<link", "@import", "url("] {
@@ -153,16 +173,21 @@ fn colour_stands_against_its_own_rate() {
 #[test]
 fn the_page_says_what_there_is_of_colour() {
     let folder = tempfile::tempdir().unwrap();
-    let page = |report: &Report, sheet: Option<&[u8]>| {
-        report.write(folder.path(), None, sheet).unwrap();
+    let page = |report: &Report, sheets: &[SheetFile]| {
+        report.write(folder.path(), &[], sheets).unwrap();
         std::fs::read_to_string(folder.path().join("index.html")).unwrap()
     };
-    let plain = page(&report(), None);
+    let plain = page(&report(), &[]);
     assert!(plain.contains("There is no colour to compare") && !plain.contains("sheet.png"));
     assert!(!folder.path().join("sheet.png").exists());
-    let coloured = page(&report_in_colour(), Some(b"a picture"));
-    assert!(coloured.contains("against the rate of colour") && coloured.contains("sheet.png"));
-    assert_eq!(std::fs::read(folder.path().join("sheet.png")).unwrap(), b"a picture");
+    let sheet = |alike: Alike| SheetFile { alike, png: format!("alike in {alike}").into_bytes() };
+    let coloured = page(&report_in_colour(), &Alike::ALL.map(sheet));
+    assert!(coloured.contains("against the rate of colour"));
+    for (name, bytes) in [("sheet.png", b"alike in rate".as_slice()), ("sheet_error.png", b"alike in error")]
+    {
+        assert!(coloured.contains(name));
+        assert_eq!(std::fs::read(folder.path().join(name)).unwrap(), bytes);
+    }
     let table = std::fs::read_to_string(folder.path().join("results.csv")).unwrap();
     let columns: Vec<_> = table.lines().next().unwrap().split(',').collect();
     let cell = |name: &str| {

@@ -23,8 +23,8 @@ use isv::raw::take::encode::default_grid;
 use isv::raw::volume::{Grid, TriangleMesh, VoxelSize};
 use isv_study::worker::{self, Outcome};
 use isv_study::{
-    CapturedTake, Codec, CodecPictures, Metric, OperatingPoint, Record, Report, Scale, Sheet, SheetStream,
-    Store, StudyError, StudySettings, Take, Tools, Training, drawable,
+    Alike, CapturedTake, Codec, CodecPictures, Metric, OperatingPoint, Peers, Record, Report, Scale, Sheet,
+    SheetFile, SheetStream, Store, StudyError, StudySettings, Take, Tools, Training, drawable,
 };
 use std::ffi::OsString;
 use std::num::NonZero;
@@ -184,24 +184,27 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         drop(progress);
         bail!("{}: no codec could be measured", args.input.display());
     }
-    let mut report = Report { take: study.title(), setting: study.setting(), records, notes };
-    let pictures = study.pictures(&report).unwrap_or_else(|error| {
-        progress.note(&format!("no pictures: {error:#}"));
-        report.notes.push(format!("no pictures: {error:#}"));
-        None
-    });
-    let sheet = study.sheet(&report).unwrap_or_else(|error| {
-        progress.note(&format!("no contact sheet: {error:#}"));
-        report.notes.push(format!("no contact sheet: {error:#}"));
-        None
-    });
+    let mut report = Report { take: study.title(), setting: study.setting(), records, notes: Vec::new() };
+    let (mut pictures, mut sheets) = (Vec::new(), Vec::new());
+    for peers in report.all_peers() {
+        let alike = peers.alike;
+        let results = [
+            study.pictures(&peers).map(|drawn| pictures.push(drawn)).map_err(|error| ("pictures", error)),
+            study.sheet(&peers).map(|drawn| sheets.extend(drawn)).map_err(|error| ("contact sheet", error)),
+        ];
+        for (what, error) in results.into_iter().filter_map(Result::err) {
+            notes.push(format!("no {what} at equal {alike}: {error:#}"));
+            progress.note(&notes[notes.len() - 1]);
+        }
+    }
+    report.notes = notes;
     drop(progress);
-    report.write(&args.output, pictures.as_ref(), sheet.as_deref())?;
+    report.write(&args.output, &pictures, &sheets)?;
     print(&format!(
         "{}\n{}\n\n{}",
         summary(&report),
         study.word_on_colour(&report),
-        study.outcome(sheet.is_some())
+        study.outcome(!sheets.is_empty())
     ))
 }
 
@@ -349,23 +352,25 @@ impl Study {
         )
     }
 
-    /// The picture frame at equal rate.
-    fn pictures(&self, report: &Report) -> Result<Option<CodecPictures>> {
-        let Some(mbps) = report.common_mbps() else { return Ok(None) };
+    /// The picture frame of points that are alike.
+    fn pictures(&self, peers: &Peers) -> Result<CodecPictures> {
         let original = self.take.mesh(self.settings.picture_frame)?;
         let frame = self.settings.first_frame + self.settings.picture_frame;
-        let mesh =
-            |record| -> Result<_> { Ok((record, read_geometry(&self.store.picture(record), Unit::Metre)?)) };
-        let decoded = report.near_rate(mbps).into_iter().map(mesh).collect::<Result<Vec<_>>>()?;
-        let range_m = ERROR_RANGE_VOXELS * self.settings.ingest.grid.voxel_size.metres();
-        Ok(Some(CodecPictures::new(&original, &decoded, range_m, frame, mbps)?))
+        let read = |record: &&Record| read_geometry(&self.store.picture(record), Unit::Metre);
+        let decoded = peers.records.iter().map(read).collect::<Result<Vec<_>, _>>()?;
+        Ok(CodecPictures::new(&original, peers, &decoded, self.error_range_m(), frame)?)
     }
 
-    /// The source and the streams of which there are frames to show, near one rate: those with colour first, if the take has any.
-    fn sheet(&self, report: &Report) -> Result<Option<Vec<u8>>> {
-        let near = report.common_mbps().map_or(Vec::new(), |mbps| report.near_rate(mbps));
+    /// End of the scale of errors in pictures.
+    fn error_range_m(&self) -> f64 {
+        ERROR_RANGE_VOXELS * self.settings.ingest.grid.voxel_size.metres()
+    }
+
+    /// The source and those streams that are alike of which there are frames to show: those with colour first, if the take has any.
+    fn sheet(&self, peers: &Peers) -> Result<Option<SheetFile>> {
         let frames = self.settings.sheet_frames(self.take.frames());
-        let mut chosen: Vec<_> = near.into_iter().filter(|record| self.has_frames(record, &frames)).collect();
+        let has_frames = |record: &&&Record| self.has_frames(record, &frames);
+        let mut chosen: Vec<_> = peers.records.iter().filter(has_frames).collect();
         chosen.sort_by_key(|record| record.bytes_colour == 0);
         chosen.truncate(SHEET_STREAMS);
         if chosen.is_empty() {
@@ -379,14 +384,15 @@ impl Study {
         let close_up = frames.iter().position(|frame| *frame == self.settings.picture_frame);
         let numbers = frames.iter().map(|frame| self.settings.first_frame + frame).collect();
         let close_up = close_up.unwrap_or_default();
-        let sheet = Sheet { frames: numbers, source, streams, close_up, yaw_degrees: self.yaw_degrees };
-        Ok(Some(sheet.png()?))
+        let (yaw_degrees, range_m) = (self.yaw_degrees, self.error_range_m());
+        let sheet = Sheet { frames: numbers, source, streams, close_up, yaw_degrees, range_m };
+        Ok(Some(SheetFile { alike: peers.alike, png: sheet.png()? }))
     }
 
     /// Whether the decoded frames of a record can be shown.
     fn has_frames(&self, record: &Record, frames: &[usize]) -> bool {
         self.store.stream(record).is_some()
-            || frames.iter().all(|frame| self.store.coloured_frame(record, *frame).is_some())
+            || frames.iter().all(|frame| self.store.sheet_frame(record, *frame).is_some())
     }
 
     /// Decoded frames of a record, with their colour.
@@ -398,7 +404,7 @@ impl Study {
         }
         let options = ReadOptions::new(Unit::Metre).with_colours(Colours::Keep);
         let read = |frame| {
-            let path = self.store.coloured_frame(record, frame);
+            let path = self.store.sheet_frame(record, frame);
             let path = path.with_context(|| format!("{}: frame {frame} was not kept", record.codec))?;
             Ok(drawable(read_geometry_as(&path, &options)?, record.point_step_m))
         };
@@ -418,10 +424,12 @@ impl Study {
         }
     }
 
-    fn outcome(&self, has_sheet: bool) -> String {
+    fn outcome(&self, has_sheets: bool) -> String {
         let folder = self.store.folder().display();
-        let sheet = match has_sheet {
-            true => format!("\n{folder}/sheet.png     source and streams side by side"),
+        let sheet = match has_sheets {
+            true => format!(
+                "\n{folder}/sheet.png     source and streams side by side at equal rate; sheet_error.png at equal error"
+            ),
             false => String::new(),
         };
         format!(
@@ -458,7 +466,7 @@ fn summary(report: &Report) -> String {
         row.and_then(|row| row.delta.rate_percent)
             .map_or("-".to_owned(), |rate| format!("{:+.1} %", rate.mean))
     };
-    for record in report.common_mbps().map_or(Vec::new(), |mbps| report.near_rate(mbps)) {
+    for record in report.peers(Alike::Rate).map_or(Vec::new(), |peers| peers.records) {
         table.add_row([
             record.codec.clone(),
             record.point.clone(),
