@@ -24,6 +24,7 @@ fn _isv(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("IsvError", module.py().get_type::<errors::IsvError>())?;
     module.add_class::<reader::Reader>()?;
     module.add_class::<reader::Frame>()?;
+    module.add_class::<reader::SurfaceParts>()?;
     module.add_class::<writer::Writer>()?;
     module.add_function(wrap_pyfunction!(jobs::encode, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::evaluate, module)?)?;

@@ -26,6 +26,12 @@ pub(crate) struct Reader {
 #[pyclass(frozen, module = "isv._isv")]
 pub(crate) struct Frame(isv::Frame);
 
+/// The surface of frames in parts.
+#[pyclass(frozen, module = "isv._isv")]
+pub(crate) struct SurfaceParts(Mutex<isv::SurfaceParts>);
+
+type Place = (i32, i32, i32);
+
 type Rows<'py, T> = Bound<'py, PyArray2<T>>;
 type MeshArrays<'py> = (Rows<'py, f32>, Rows<'py, u32>, Option<Rows<'py, f32>>, Option<Rows<'py, u8>>);
 type PointArrays<'py> = (Rows<'py, f32>, Rows<'py, f32>, Option<Rows<'py, u8>>);
@@ -176,14 +182,7 @@ impl Frame {
     fn mesh<'py>(&self, py: Python<'py>, normals: bool) -> PyResult<MeshArrays<'py>> {
         let mesh =
             self.with(py, |frame| if normals { frame.mesh() } else { frame.mesh_without_normals() })?;
-        let isv::Mesh { positions, normals: directions, colours, triangles } = mesh;
-        let directions = normals.then(|| arrays::rows(py, directions));
-        Ok((
-            arrays::rows(py, positions),
-            arrays::rows(py, triangles),
-            directions,
-            arrays::some_rows(py, colours),
-        ))
+        Ok(mesh_arrays(py, mesh, normals))
     }
 
     fn points<'py>(&self, py: Python<'py>, count: Option<usize>) -> PyResult<PointArrays<'py>> {
@@ -210,5 +209,57 @@ impl Frame {
         work: impl FnOnce(&isv::Frame) -> Result<T, isv::Error> + Send,
     ) -> PyResult<T> {
         py.detach(|| threads::run(|| work(&self.0))).map_err(|error| errors::of_library(py, error))
+    }
+}
+
+/// A mesh as arrays, with normals where they are wanted.
+fn mesh_arrays(py: Python<'_>, mesh: isv::Mesh, normals: bool) -> MeshArrays<'_> {
+    let isv::Mesh { positions, normals: directions, colours, triangles } = mesh;
+    let directions = normals.then(|| arrays::rows(py, directions));
+    (arrays::rows(py, positions), arrays::rows(py, triangles), directions, arrays::some_rows(py, colours))
+}
+
+#[pymethods]
+impl SurfaceParts {
+    #[new]
+    fn new(normals: bool) -> Self {
+        let parts = if normals { isv::SurfaceParts::new() } else { isv::SurfaceParts::without_normals() };
+        Self(Mutex::new(parts))
+    }
+
+    /// Takes the next frame; the places of parts that changed, and of those that are gone.
+    fn update(&self, py: Python<'_>, frame: &Bound<'_, Frame>) -> PyResult<(Vec<Place>, Vec<Place>)> {
+        let frame = frame.get();
+        let changes = self.with(py, |parts| parts.update(&frame.0));
+        let changes = changes.map_err(|error| errors::of_library(py, error))?;
+        let places = |list: Vec<[i32; 3]>| list.into_iter().map(Place::from).collect();
+        Ok((places(changes.changed), places(changes.removed)))
+    }
+
+    fn places(&self, py: Python<'_>) -> Vec<Place> {
+        self.with(py, |parts| parts.places().map(Place::from).collect())
+    }
+
+    fn mesh<'py>(
+        &self,
+        py: Python<'py>,
+        place: Place,
+        frame: &Bound<'py, Frame>,
+        normals: bool,
+    ) -> Option<MeshArrays<'py>> {
+        let frame = frame.get();
+        let mesh = self.with(py, |parts| parts.mesh(place.into(), &frame.0))?;
+        Some(mesh_arrays(py, mesh, normals))
+    }
+}
+
+impl SurfaceParts {
+    /// Uses the parts, without the GIL: another thread may have them.
+    fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut isv::SurfaceParts) -> T + Send) -> T {
+        py.detach(|| {
+            let mut parts = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+            let parts = &mut *parts;
+            threads::run(|| work(parts))
+        })
     }
 }

@@ -391,3 +391,31 @@ def test_the_file_has_its_name_once_it_is_whole(tmp_path: Path) -> None:
         writer.push(box())
         raise ZeroDivisionError
     assert path.read_bytes() == before and list(tmp_path.iterdir()) == [path]
+
+
+def test_parts_of_a_surface_change_where_something_moves() -> None:
+    def frames() -> Any:
+        standing = box(0.0, colored=True)
+        for number in range(3):
+            moving = box(2.0 + 0.01 * number, colored=True)
+            sides = [standing, moving]
+            faces = np.concatenate([standing.faces, moving.faces + len(standing.vertices)])
+            yield np.concatenate([s.vertices for s in sides]), faces, np.concatenate([s.colors for s in sides])
+
+    parts = isv.SurfaceParts(normals=True)
+    assert len(parts) == 0 and list(parts) == []
+    for frame in isv.open(encoded(frames())):
+        changed, removed = parts.update(frame)
+        assert set(changed) <= set(parts) and not set(removed) & set(parts)
+        if frame.number > 0:
+            assert changed and all(x * 8 * VOXEL > 1 for x, _, _ in changed)
+        meshes = [parts[place] for place in parts]
+        whole = frame.mesh(normals=True)
+        for name in ("vertices", "normals", "colors"):
+            corners = [getattr(mesh, name)[mesh.faces] for mesh in meshes]
+            assert np.array_equal(np.concatenate(corners), getattr(whole, name)[whole.faces]), name
+        assert parts.update(frame) == ([], [])
+    assert "parts" in repr(parts)
+    with pytest.raises(KeyError):
+        parts[(1000, 0, 0)]
+    assert isv.SurfaceParts().update(frame)[0] and parts[changed[0]].normals is not None

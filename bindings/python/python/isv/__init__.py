@@ -9,7 +9,7 @@ from ._data import Camera, ColorImage, DepthImage, Mesh, Points, Volume
 from ._encode import EncodeOptions, Report, Writer, encode
 from ._isv import IsvError, __version__
 from ._jobs import Repaired, cut, demux, draw, evaluate, info, join, mux, repair, set_threads, settle, verify
-from ._take import Frame, Take, open
+from ._take import Frame, SurfaceParts, Take, open
 
 __all__ = [
     "Camera",
@@ -22,6 +22,7 @@ __all__ = [
     "Points",
     "Repaired",
     "Report",
+    "SurfaceParts",
     "Take",
     "Volume",
     "Writer",

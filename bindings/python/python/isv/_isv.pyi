@@ -12,6 +12,7 @@ __all__ = [
     "Frame",
     "IsvError",
     "Reader",
+    "SurfaceParts",
     "Writer",
     "__version__",
     "cut",
@@ -73,6 +74,17 @@ class Frame:
         self, count: int | None
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8] | None]: ...
     def volume(self) -> tuple[float, int, int, NDArray[np.int32], NDArray[np.float32]]: ...
+
+@final
+class SurfaceParts:
+    def __new__(cls, normals: bool) -> SurfaceParts: ...
+    def update(self, frame: Frame) -> tuple[list[tuple[int, int, int]], list[tuple[int, int, int]]]: ...
+    def places(self) -> list[tuple[int, int, int]]: ...
+    def mesh(
+        self, place: tuple[int, int, int], frame: Frame, normals: bool
+    ) -> (
+        tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32] | None, NDArray[np.uint8] | None] | None
+    ): ...
 
 @final
 class Writer:

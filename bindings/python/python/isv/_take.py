@@ -13,7 +13,7 @@ from typing import Any, Literal, Protocol, TypeAlias, overload, runtime_checkabl
 from . import _isv
 from ._data import Mesh, Points, Volume
 
-__all__ = ["Frame", "Source", "Take", "open"]
+__all__ = ["Frame", "Source", "SurfaceParts", "Take", "open"]
 
 
 @runtime_checkable
@@ -125,6 +125,66 @@ class Frame:
 
     def __repr__(self) -> str:
         return f"<isv.Frame {self.number} at {self.timestamp:.3f} s>"
+
+
+_Place: TypeAlias = tuple[int, int, int]
+
+
+class SurfaceParts:
+    """The surface of one frame after another in parts, of which those are extracted again that changed.
+
+    A part is what 4x4x4 blocks of 8x8x8 voxels hold. Its mesh stands alone: vertices at the border of two parts are in
+    both. In a scene of which little moves, :meth:`update` costs what moves, and a viewer keeps the meshes of all other
+    parts. ``for place in parts`` gives the places of all parts, ``parts[place]`` the mesh of one.
+    """
+
+    __slots__ = ("_frame", "_native", "_normals")
+
+    def __init__(self, *, normals: bool = False) -> None:
+        """Make the surface of nothing.
+
+        Args:
+            normals: Whether vertices get unit normals, which takes longer.
+        """
+        self._native = _isv.SurfaceParts(normals)
+        self._normals = normals
+        self._frame: _isv.Frame | None = None
+
+    def update(self, frame: Frame) -> tuple[list[_Place], list[_Place]]:
+        """Take the surface of a frame in place of the last one.
+
+        Returns:
+            The places of parts that are new or were extracted again, and of those that are gone. A place is the part's
+            block with the lowest coordinates (x, y, z), in blocks.
+
+        Raises:
+            IsvError: There is no memory for the surface (kind "memory"). The parts are what they were.
+        """
+        changes = self._native.update(frame._native)
+        self._frame = frame._native
+        return changes
+
+    def __getitem__(self, place: _Place) -> Mesh:
+        """Return the mesh of a part, as :meth:`Frame.mesh` does, with the colours of the last frame.
+
+        Raises:
+            KeyError: There is no part at this place.
+        """
+        mesh = None if self._frame is None else self._native.mesh(place, self._frame, self._normals)
+        if mesh is None:
+            raise KeyError(place)
+        return Mesh(*mesh)
+
+    def __iter__(self) -> Iterator[_Place]:
+        """Iterate over the places of all parts."""
+        return iter(self._native.places())
+
+    def __len__(self) -> int:
+        """Number of parts."""
+        return len(self._native.places())
+
+    def __repr__(self) -> str:
+        return f"<isv.SurfaceParts, {len(self)} parts>"
 
 
 class Take:

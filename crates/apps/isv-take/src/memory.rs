@@ -1,7 +1,7 @@
 //! How much memory a frame may ask for.
 
 use isv_decode::Limits;
-use isv_surface::{SurfaceExtractor, SurfaceOptions, TooManyVertices};
+use isv_surface::{PartChanges, SurfaceExtractor, SurfaceOptions, SurfaceParts, TooManyVertices};
 use isv_volume::{BlockSet, SparseVolume, TriangleMesh};
 use thiserror::Error;
 
@@ -61,10 +61,25 @@ impl MemoryLimit {
         volume: &SparseVolume,
         options: SurfaceOptions,
     ) -> Result<TriangleMesh, MemoryError> {
-        let limit = (self.decoder_limits().frame_voxels / 8).min(u32::MAX as usize);
         let mut extractor = SurfaceExtractor::new(options);
-        extractor.extract_within(volume, limit)?;
+        extractor.extract_within(volume, self.most_vertices().min(u32::MAX as usize))?;
         Ok(extractor.into_mesh())
+    }
+
+    /// Brings the parts of a surface up to a volume, if there is memory for as many vertices.
+    ///
+    /// # Errors
+    /// [`MemoryError::Surface`].
+    pub fn update_parts(
+        self,
+        parts: &mut SurfaceParts,
+        volume: &SparseVolume,
+    ) -> Result<PartChanges, MemoryError> {
+        Ok(parts.update_within(volume, self.most_vertices())?)
+    }
+
+    fn most_vertices(self) -> usize {
+        self.decoder_limits().frame_voxels / 8
     }
 
     /// Refuses a volume whose decoded frame would be refused. `extended`: whether decoders make up the blocks around it, as they do

@@ -12,7 +12,7 @@ use isv::raw::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHea
 use isv::raw::ingest::{MeshIngest, MeshIngester, Reach, decide_sign};
 use isv::raw::io::{FrameSequence, Unit, read_mesh};
 use isv::raw::kernels::simd::{self, vectorized};
-use isv::raw::surface::{SurfaceOptions, extract_surface};
+use isv::raw::surface::{SurfaceOptions, SurfaceParts, extract_surface};
 use isv::raw::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use isv_baseline::Draco;
 use isv_study::Stages;
@@ -66,6 +66,7 @@ fn measure(name: &str, voxel_m: f64, meshes: &[TriangleMesh], stages: &Stages) -
     let volumes = ingest(grid, meshes, &mut table)?;
     let (stream, blocks) = encode(grid, &volumes, stages, &mut table)?;
     let last = decode(&stream, stages, &mut table)?;
+    surface_parts(&stream, &mut table)?;
     floors(&last, blocks, &mut table);
     draco(meshes.last().context("a take has frames")?, &mut table)?;
     let faces = meshes.iter().map(|mesh| mesh.triangles.len()).sum::<usize>() / meshes.len();
@@ -143,6 +144,20 @@ fn decode(stream: &[u8], stages: &Stages, table: &mut Table) -> Result<SparseVol
     table.stages(stages.take_milliseconds(), frames);
     table.whole("surface", surface_times);
     last.context("a stream with frames")
+}
+
+/// Decodes the stream once more, and extracts those parts of its surface that changed.
+fn surface_parts(stream: &[u8], table: &mut Table) -> Result<()> {
+    let mut reader = PacketReader::new(stream)?;
+    let mut decoder = Decoder::new(reader.header(), Limits::default());
+    let mut parts = SurfaceParts::new(SurfaceOptions::default());
+    let mut times = Vec::new();
+    while let Some(packet) = reader.next_frame()? {
+        let volume = decoder.decode(&packet)?.volume;
+        times.push(timed(|| parts.update(volume)).1);
+    }
+    table.whole("surface, the parts that changed", times);
+    Ok(())
 }
 
 /// A copy of all samples.

@@ -3,10 +3,10 @@
 use crate::{Error, ErrorKind, Mesh, Points};
 use isv_decode::colour::{ColourFrame, surface_colours};
 use isv_format::{Profile, StreamHeader};
-use isv_surface::{PointDensity, SurfaceOptions, sample_evenly};
+use isv_surface::{PartChanges, PointDensity, SurfaceOptions, SurfaceParts, sample_evenly};
 use isv_take::MemoryLimit;
 use isv_take::stream::StreamFrame;
-use isv_volume::{BlockSet, CODES_PER_VOXEL, Grid, SparseVolume};
+use isv_volume::{BlockSet, CODES_PER_VOXEL, Grid, SparseVolume, TriangleMesh};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -100,9 +100,18 @@ impl Frame {
     }
 
     fn mesh_with(&self, options: SurfaceOptions) -> Result<Mesh, Error> {
-        let mesh = self.memory.surface(&self.volume, options)?;
+        Ok(self.coloured(self.memory.surface(&self.volume, options)?))
+    }
+
+    /// A part of the surface with its colours.
+    pub(crate) fn coloured(&self, mesh: TriangleMesh) -> Mesh {
         let colours = self.colour.as_ref().map(|colour| surface_colours(colour, &self.grid, &mesh.vertices));
-        Ok(Mesh { colours: colours.unwrap_or_default(), ..Mesh::from_raw(mesh) })
+        Mesh { colours: colours.unwrap_or_default(), ..Mesh::from_raw(mesh) }
+    }
+
+    /// Brings the parts of a surface up to this frame.
+    pub(crate) fn update_parts(&self, parts: &mut SurfaceParts) -> Result<PartChanges, Error> {
+        Ok(self.memory.update_parts(parts, &self.volume)?)
     }
 
     /// Spreads so many points evenly over the surface, with normals, and with colours if the stream has any.

@@ -33,6 +33,7 @@ mod error;
 mod event;
 mod frame;
 mod mesh;
+mod parts;
 mod points;
 pub mod raw;
 mod reader;
@@ -62,6 +63,7 @@ pub use isv_take::metadata::{Metadata, MetadataChoice, SourceMetadata, SurfaceMe
 pub use isv_take::stream::AfterLoss;
 pub use isv_take::{Cancellation, Device};
 pub use mesh::Mesh;
+pub use parts::{PartChanges, SurfaceParts};
 pub use points::Points;
 pub use reader::Reader;
 

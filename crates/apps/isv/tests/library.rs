@@ -3,7 +3,8 @@
 
 use isv::{
     AfterLoss, Block, Cancellation, ColourView, DecodeOptions, DepthView, EncodeOptions, Error, ErrorKind,
-    Lod, Mesh, Points, Preset, Quantity, Reader, TimestampSource, Unit, Volume, Writer, take,
+    Lod, Mesh, PartChanges, Points, Preset, Quantity, Reader, SurfaceParts, TimestampSource, Unit, Volume,
+    Writer, take,
 };
 use std::io::Cursor;
 use std::sync::{Arc, Mutex};
@@ -123,6 +124,44 @@ fn colours_come_back_unless_they_are_left_out() {
         assert_eq!(kind(options().colour_quality(quality).check()), ErrorKind::Options);
     }
     assert_eq!(kind(EncodeOptions::new().as_in_paper().colour_quality(50.0).check()), ErrorKind::Options);
+}
+
+/// Position, normal and colour of a corner of a triangle.
+type Corner = ([f32; 3], [f32; 3], [u8; 3]);
+
+fn corners(mesh: &Mesh) -> Vec<[Corner; 3]> {
+    let corner = |v: u32| (mesh.positions[v as usize], mesh.normals[v as usize], mesh.colours[v as usize]);
+    mesh.triangles.iter().map(|triangle| triangle.map(corner)).collect()
+}
+
+#[test]
+fn parts_of_a_surface_change_where_something_moves() {
+    // One box stands, another one 2 m away moves.
+    let mut writer = Writer::new(Vec::new(), &options()).unwrap();
+    for frame in 0..4 {
+        let (mut mesh, moving) = (cuboid(0.0, 0.5), cuboid(2.0 + 0.01 * frame as f32, 0.5));
+        mesh.triangles.extend(moving.triangles.iter().map(|triangle| triangle.map(|v| v + 8)));
+        mesh.positions.extend(moving.positions);
+        mesh.colours = mesh.positions.iter().map(|[x, ..]| [(80.0 * x) as u8, 90, 40]).collect();
+        writer.push_mesh(&mesh).unwrap();
+    }
+    let bytes = writer.into_inner().unwrap().0;
+    let mut surface = SurfaceParts::new();
+    for frame in reader(&bytes) {
+        let frame = frame.unwrap();
+        let changes = surface.update(&frame).unwrap();
+        let parts = surface.places().map(|place| surface.mesh(place, &frame).unwrap());
+        let together: Vec<_> = parts.flat_map(|mesh| corners(&mesh)).collect();
+        assert!(together == corners(&frame.mesh().unwrap()), "frame {}", frame.number());
+        if frame.number() > 0 {
+            // Of 4 blocks of 16 cm each.
+            assert!(
+                !changes.changed.is_empty() && changes.changed.iter().all(|[x, ..]| 0.16 * *x as f32 > 1.0)
+            );
+        }
+        assert_eq!(surface.update(&frame).unwrap(), PartChanges::default());
+    }
+    assert_eq!(surface.mesh([1000, 0, 0], &reader(&bytes).next().unwrap().unwrap()), None);
 }
 
 /// With gradual refresh, a viewer that comes late has colours too.

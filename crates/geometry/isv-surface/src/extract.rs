@@ -5,7 +5,7 @@ use crate::fill::{Numbering, Place, Scratch};
 use crate::signs::Signs;
 use bytemuck::{Zeroable, zeroed_vec};
 use isv_kernels::simd::vectorized;
-use isv_volume::{BlockEdge, BlockIndex, SparseVolume, TriangleMesh};
+use isv_volume::{BlockCoord, BlockEdge, BlockIndex, SparseVolume, TriangleMesh};
 use rayon::prelude::*;
 use thiserror::Error;
 use tracing::debug_span;
@@ -76,13 +76,7 @@ impl SurfaceExtractor {
         volume: &SparseVolume,
         limit: usize,
     ) -> Result<&TriangleMesh, TooManyVertices> {
-        let Self { options, mesh } = self;
-        // Within the pool of threads: from outside, each parallel loop would put this thread to sleep and wake it again.
-        rayon::scope(|_| match volume.grid().edge {
-            BlockEdge::E4 => extract::<4>(volume, options, limit, mesh),
-            BlockEdge::E8 => extract::<8>(volume, options, limit, mesh),
-            BlockEdge::E16 => extract::<16>(volume, options, limit, mesh),
-        })?;
+        extract_blocks(volume, self.options, limit, &mut self.mesh, |_| ())?;
         Ok(&self.mesh)
     }
 
@@ -93,12 +87,40 @@ impl SurfaceExtractor {
     }
 }
 
-fn extract<const SIDE: usize>(
+/// What a block has of a mesh: that many vertices and triangles behind those of the blocks before it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BlockShare {
+    pub(crate) block: BlockCoord,
+    pub(crate) vertices: usize,
+    pub(crate) triangles: usize,
+}
+
+/// Extracts the surface of a volume into a mesh, and hands the shares of its blocks to `shares`, in order.
+pub(crate) fn extract_blocks<T>(
+    volume: &SparseVolume,
+    options: SurfaceOptions,
+    limit: usize,
+    mesh: &mut TriangleMesh,
+    shares: impl FnOnce(&mut dyn Iterator<Item = BlockShare>) -> T + Send,
+) -> Result<T, TooManyVertices>
+where
+    T: Send,
+{
+    // Within the pool of threads: from outside, each parallel loop would put this thread to sleep and wake it again.
+    rayon::scope(|_| match volume.grid().edge {
+        BlockEdge::E4 => extract::<4, T>(volume, &options, limit, mesh, shares),
+        BlockEdge::E8 => extract::<8, T>(volume, &options, limit, mesh, shares),
+        BlockEdge::E16 => extract::<16, T>(volume, &options, limit, mesh, shares),
+    })
+}
+
+fn extract<const SIDE: usize, T>(
     volume: &SparseVolume,
     options: &SurfaceOptions,
     limit: usize,
     mesh: &mut TriangleMesh,
-) -> Result<(), TooManyVertices> {
+    shares: impl FnOnce(&mut dyn Iterator<Item = BlockShare>) -> T,
+) -> Result<T, TooManyVertices> {
     let signs = debug_span!("surface signs").in_scope(|| Signs::<SIDE>::new(volume));
     let surface = debug_span!("surface cells").in_scope(|| Surface::find(volume, signs));
     let vertices = surface.chunks.iter().map(|chunk| chunk.total().vertices).sum();
@@ -106,7 +128,7 @@ fn extract<const SIDE: usize>(
         return Err(TooManyVertices { vertices, limit });
     }
     debug_span!("surface mesh").in_scope(|| surface.fill(options, mesh));
-    Ok(())
+    Ok(shares(&mut surface.shares()))
 }
 
 /// The blocks that hold any part of a volume's surface.
@@ -132,6 +154,15 @@ impl<'a, const SIDE: usize> Surface<'a, SIDE> {
         };
         let chunks = blocks.par_chunks(CHUNK).map(find).collect();
         Self { volume, signs, index, blocks, chunks }
+    }
+
+    fn shares(&self) -> impl Iterator<Item = BlockShare> {
+        let counts = self.chunks.iter().flat_map(|chunk| &chunk.counts);
+        self.blocks.iter().zip(counts).map(|(block, counts)| BlockShare {
+            block: self.volume.coords()[*block as usize],
+            vertices: counts.vertices,
+            triangles: counts.triangles,
+        })
     }
 
     fn fill(&self, options: &SurfaceOptions, mesh: &mut TriangleMesh) {

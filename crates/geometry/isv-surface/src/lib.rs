@@ -38,6 +38,8 @@
 //!
 //! Everything is in Morton order of blocks and voxel order within, so any number of threads gives the same mesh.
 //!
+//! [`SurfaceParts`] keeps the surface of a changing volume in parts, and extracts those again in which blocks changed.
+//!
 //! What it does not do: place vertices by anything but linear interpolation, keep sharp edges, or simplify.
 
 mod band;
@@ -47,6 +49,7 @@ mod edges;
 mod extract;
 mod fill;
 mod normals;
+mod parts;
 mod sampling;
 mod signs;
 #[cfg(test)]
@@ -58,5 +61,6 @@ mod window;
 pub use band::surface_band;
 pub use cases::case_triangles;
 pub use extract::{SurfaceExtractor, SurfaceOptions, TooManyVertices, extract_surface};
+pub use parts::{PartChanges, SurfaceParts};
 pub use sampling::{MAX_POINTS, PointDensity, SamplingError, sample_evenly};
 pub use triangles::build_tables;
