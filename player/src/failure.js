@@ -22,6 +22,9 @@ export class IsvFailure extends Error {
   }
 }
 
+/** A part of a take that cannot be had, though its server answers: what comes after it can be played. */
+export class LostPart extends IsvFailure {}
+
 /** @param {unknown} error @returns {string} its words */
 export function words(error) {
   return error instanceof Error ? error.message : String(error);

@@ -208,7 +208,7 @@ export class LiveSource {
     if (newest < 0) this.#drop();
     else this.#waiting.splice(0, newest);
     const why = refused ? refusal(null, blocks, blockSide, allowance) : message;
-    this.onevent('lost', { frame: this.#number, resumes: this.#number, message: why, refused });
+    this.onevent('lost', { frame: this.#number, resumes: this.#number, message: why, refused, missing: false });
   }
 
   /** @param {number} bytes */

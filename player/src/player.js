@@ -82,6 +82,8 @@ export class IsvPlayer extends EventTarget {
   #stream = 0;
   /** The refused frame that was told of last; -1 if the playhead was elsewhere since. */
   #refused = -1;
+  /** Frames that cannot be shown, where the playhead is: from one to before another. */
+  #held = { from: 0, to: 0 };
   #waiting = false;
   #closed = false;
   /** Where a drag on the scrub bar is, while a picture near an earlier place is still on its way. */
@@ -377,6 +379,7 @@ export class IsvPlayer extends EventTarget {
         },
         blocked: () => this.#tell('blocked'),
         volume: () => this.#tell('volume', { volume: this.volume, muted: this.muted }),
+        gap: (detail) => this.#tell('gap', detail),
         stalled: (error) => this.#tell('stalled', { message: words(error) }),
         recovered: () => this.#tell('recovered'),
       },
@@ -471,6 +474,7 @@ export class IsvPlayer extends EventTarget {
     const why = lost.get(frame);
     if (why === undefined || !refused.has(frame)) {
       this.#refused = -1;
+      this.#noteHeld(frame, why);
       const hopeless = !this.shown && !this.error && lost.size >= this.frames;
       if (hopeless) this.#fail(new IsvFailure('damaged', `no frame of it can be decoded: ${why ?? [...lost.values()][0]}`));
       return;
@@ -486,6 +490,20 @@ export class IsvPlayer extends EventTarget {
     this.#refused = this.frame;
     this.#first.reject(new IsvFailure('limit', why));
     this.#tell('refused', { frame: this.frame, message: why });
+  }
+
+  /** Tells once where the playhead comes to frames that cannot be shown: the picture before them stays. @param {number} frame @param {string | undefined} why */
+  #noteHeld(frame, why) {
+    if (why === undefined || !this.shown || this.error || this.ahead?.get(frame)) {
+      this.#held = { from: 0, to: 0 };
+      return;
+    }
+    if (frame >= this.#held.from && frame < this.#held.to) return;
+    const { lost } = /** @type {import('./workers.js').DecodeAhead} */ (this.ahead);
+    let to = frame + 1;
+    while (lost.has(to)) to++;
+    this.#held = { from: frame, to };
+    this.#tell('held', { frame, resumes: to, message: why });
   }
 
   /** The time that the clock may not reach. @param {number} seconds */

@@ -46,11 +46,13 @@ const INDEX_LIMIT = PACKET_HEADER_BYTES + 8 * FRAME_LIMIT;
  * @property {(frame: number) => number} streamOf the stream that a frame's packet comes from
  * @property {(frame: number) => number} offsetOf where a frame's packet begins
  * @property {(from: number, to: number) => number} bytesBetween bytes of the packets of frames `from` to before `to`
- * @property {(frame: number, signal?: AbortSignal) => Promise<Uint8Array>} packet a frame's packet, in a buffer of its own
+ * @property {(frame: number, signal?: AbortSignal) => Promise<Uint8Array>} packet a frame's packet, in a buffer of its own; rejects with a
+ *   `LostPart` where frames up to the next keyframe cannot be had, and others can
  * @property {import('./ladder/source.js').Rungs | null} rungs null in what is no ladder
  * @property {(playhead: { seconds: number, speed: number, workers: number }) => void} [attend] hears where the playhead is, how fast it goes, and how
  *   many workers decode
- * @property {(stream: number) => boolean} [outdated] whether frames of a stream would come from a better one now
+ * @property {(stream: number, frame: number) => boolean} [outdated] whether a frame of a stream would come from a better one now
+ * @property {(frame: number) => boolean} [spoil] hears that a frame cannot be decoded, and says whether another stream may have it
  * @property {(frame: import('./worker.js').Frame) => void} [measured] hears of each frame that has been decoded
  * @property {() => void} close
  */

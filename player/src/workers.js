@@ -2,7 +2,7 @@
 // The frame under the playhead always comes first: until it is there, nothing else is begun.
 
 import { allowanceOf, refusal } from './allowance.js';
-import { IsvFailure, isAbort } from './failure.js';
+import { IsvFailure, LostPart, isAbort, words } from './failure.js';
 import { Lane, Task } from './lane.js';
 import { Ring } from './ring.js';
 
@@ -14,11 +14,13 @@ const FIRST_WINDOW = 8;
 const GATE_FRAMES = 32;
 /** Waits in ms before a read that failed is tried again, the last one over and over. */
 const RETRIES = [500, 1000, 2000, 4000, 8000];
+/** Most parts of a take that are passed over one after the other: behind so many, the rest is not worth asking for. */
+const MOST_PASSED = 10;
 
 /**
  * @typedef {import('./worker.js').Frame} Frame
- * @typedef {{ frame: number, resumes: number, message: string, refused: boolean }} LostFrames frames `frame` to before `resumes` cannot be
- *   shown: they are damaged, or refused because they need more memory than the decoder may have
+ * @typedef {{ frame: number, resumes: number, message: string, refused: boolean, missing: boolean }} LostFrames frames `frame` to before
+ *   `resumes` cannot be shown: they are damaged, `missing` from the server, or `refused` as they need more memory than the decoder may have
  * @typedef {object} Events
  * @property {(frame: number) => void} [frame] a frame has come
  * @property {(lost: LostFrames) => void} [lost]
@@ -53,6 +55,10 @@ export class DecodeAhead {
   #lanes = [];
   #tasks = 0;
   #failures = 0;
+  /** Parts of a ladder that were passed over since a frame was decoded last. */
+  #passed = 0;
+  /** Why nothing more is read; null while it is. Frames that are there are still shown. @type {IsvFailure | null} */
+  #hopeless = null;
   #retrying = /** @type {ReturnType<typeof setTimeout> | null} */ (null);
   #broken = false;
   #allowance;
@@ -117,12 +123,13 @@ export class DecodeAhead {
     this.loop = loop;
     this.behind = behind;
     this.#deal();
+    this.#giveUp();
   }
 
   /** Frees a frame that has been passed, if there would be a better one by the next time. @param {number} frame */
   #leave(frame) {
     const passed = this.#ring.get(frame);
-    if (passed && this.#source.outdated?.(passed.stream)) this.#ring.drop(frame);
+    if (passed && this.#source.outdated?.(passed.stream, frame)) this.#ring.drop(frame);
   }
 
   /** @param {Events} on */
@@ -240,7 +247,7 @@ export class DecodeAhead {
 
   /** Gives work to workers that have none, and takes it from one if the target would wait otherwise. */
   #deal() {
-    if (this.#broken || this.#retrying !== null) return;
+    if (this.#broken || this.#hopeless || this.#retrying !== null) return;
     if (!this.settled(this.target)) this.#dropUnwanted();
     for (const [from, to] of this.#wanted()) {
       for (let frame = this.#missing(from, to); frame >= 0; frame = this.#missing(frame, to)) {
@@ -322,8 +329,10 @@ export class DecodeAhead {
         task.at++;
       }
     } catch (error) {
-      if (!task.cancelled) this.#fail(lane, /** @type {Error} */ (error));
-      return;
+      if (task.cancelled) return;
+      if (!(error instanceof LostPart)) return this.#fail(lane, /** @type {Error} */ (error));
+      this.#readAgain();
+      this.#pass(task.at, words(error), { missing: error.kind === 'missing' });
     }
     lane.task = null;
     this.#deal();
@@ -333,6 +342,7 @@ export class DecodeAhead {
   #done({ frame, mesh, memoryBytes = 0 }) {
     this.#spare(memoryBytes);
     if (!mesh || (this.details && !mesh.details)) return;
+    this.#passed = 0;
     this.#source.measured?.(mesh);
     this.#ring.put(frame, mesh);
     this.#ring.trim((held) => this.#distance(held));
@@ -361,21 +371,36 @@ export class DecodeAhead {
   /** @param {Lane} lane @param {import('./worker.js').Lost} answer */
   #lose(lane, { frame, message, refused = false, blocks = 0 }) {
     lane.cancel();
+    if (!refused && this.#source.spoil?.(frame)) return this.#deal();
     const { blockSide } = this.#source.facts[this.#source.streamOf(frame)];
-    const why = refused ? refusal(frame, blocks, blockSide, this.#allowance) : message;
-    this.#loseUntilKeyframe(frame, why, refused);
+    if (refused) this.#loseUntilKeyframe(frame, refusal(frame, blocks, blockSide, this.#allowance), { refused });
+    else this.#pass(frame, message);
     this.#deal();
   }
 
-  /** @param {number} frame @param {string} message @param {boolean} [refused] */
-  #loseUntilKeyframe(frame, message, refused = false) {
+  /** Goes on behind frames that cannot be had or decoded. Of a ladder that costs requests: there is an end to it. @param {number} frame @param {string} message @param {{ missing?: boolean }} [why] */
+  #pass(frame, message, why) {
+    this.#loseUntilKeyframe(frame, message, why);
+    if (!this.#source.rungs || ++this.#passed < MOST_PASSED) return;
+    this.#hopeless = new IsvFailure('damaged', `${this.#passed} parts of it in a row cannot be played: ${message}`);
+    this.#giveUp();
+  }
+
+  /** Ends it where nothing more is read, once all is shown that is there. */
+  #giveUp() {
+    if (!this.#hopeless || this.#broken || this.#ring.has(this.target)) return;
+    this.#break(this.#hopeless);
+  }
+
+  /** @param {number} frame @param {string} message @param {{ refused?: boolean, missing?: boolean }} [why] */
+  #loseUntilKeyframe(frame, message, { refused = false, missing = false } = {}) {
     const resumes = this.#gops.keyframeAfter(frame);
     const known = this.lost.has(frame);
     for (let lost = frame; lost < resumes; lost++) {
       this.lost.set(lost, message);
       if (refused) this.refused.add(lost);
     }
-    if (!known) this.#tell((on) => on.lost?.({ frame, resumes, message, refused }));
+    if (!known) this.#tell((on) => on.lost?.({ frame, resumes, message, refused, missing }));
   }
 
   /** Bytes could not be read. @param {Lane} lane @param {Error} error */

@@ -197,7 +197,7 @@ test('a damaged frame loses what follows it, up to the next keyframe', async () 
   await rest();
   assert.deepEqual(
     events.filter(({ lost }) => lost),
-    [{ lost: { frame: 13, resumes: 20, message: 'damaged', refused: false } }],
+    [{ lost: { frame: 13, resumes: 20, message: 'damaged', refused: false, missing: false } }],
   );
   assert.deepEqual(
     [12, 13, 19, 20].map((frame) => Boolean(ahead.get(frame))),
@@ -239,6 +239,43 @@ test('a file that has changed is not tried again', async () => {
   await rest();
   assert.ok(events.some(({ failed, fatal }) => failed === 'changed' && fatal));
   assert.ok(ports.every(({ terminated }) => terminated));
+});
+
+test('a part that cannot be had is passed over without a wait', async () => {
+  const { ahead, source, events } = begun({ frames: 1000 });
+  source.gone.add(500);
+  ahead.aim(495);
+  await rest();
+  assert.deepEqual(
+    events.filter(({ lost, failed }) => lost || failed),
+    [{ lost: { frame: 500, resumes: 510, message: 'no such file', refused: false, missing: true } }],
+  );
+  assert.ok(ahead.get(499) && ahead.get(510));
+});
+
+test('a frame that cannot be decoded comes from another stream, as long as there is one', async () => {
+  const { ahead, source, events, ports } = begun({ frames: 1000 });
+  for (const port of ports) port.damaged.add(503);
+  source.others = 2;
+  ahead.aim(500);
+  await rest();
+  assert.equal(ports.flatMap(({ decoded }) => decoded).filter((frame) => frame === 503).length, 3);
+  assert.deepEqual(events.filter(({ lost }) => lost).map(({ lost }) => [lost.frame, lost.resumes, lost.missing]), [[503, 510, false]]);
+});
+
+test('a ladder of which nothing more can be had ends, and not before all is shown that is there', async () => {
+  const { ahead, source, events } = begun({ frames: 1000, hold: 500 });
+  source.rungs = {};
+  for (let keyframe = 500; keyframe < 1000; keyframe += 10) source.gone.add(keyframe);
+  ahead.loop = false;
+  ahead.aim(480);
+  await rest();
+  for (let frame = 481; frame < 500; frame++) ahead.aim(frame);
+  assert.equal(events.filter(({ failed }) => failed).length, 0);
+  ahead.aim(500);
+  await rest();
+  assert.deepEqual(events.filter(({ failed }) => failed), [{ failed: '10 parts of it in a row cannot be played: no such file', fatal: true }]);
+  assert.equal(events.filter(({ lost }) => lost).length, 10);
 });
 
 test('details are asked for only while they are wanted', async () => {

@@ -129,8 +129,13 @@ export interface PlayerEvents {
   /** It went round; it came to the end. */
   wrapped: undefined;
   ended: undefined;
-  /** Frames `frame` to before `resumes` cannot be decoded: they are damaged, or, `refused`, need more memory than the decoder may have. */
-  lost: { frame: number; resumes: number; message: string; refused: boolean };
+  /**
+   * Frames `frame` to before `resumes` cannot be decoded: they are damaged, `missing` from the server, or, `refused`, need more memory
+   * than the decoder may have.
+   */
+  lost: { frame: number; resumes: number; message: string; refused: boolean; missing: boolean };
+  /** The playhead has come to frames that are lost: the picture before stays up to frame `resumes`. */
+  held: { frame: number; resumes: number; message: string };
   /** The playhead has come to a frame that needs more memory than the decoder may have, and stops. */
   refused: { frame: number; message: string };
   /** Bytes cannot be read, which is tried again; they can. */
@@ -142,6 +147,8 @@ export interface PlayerEvents {
   sound: { codec: string };
   /** The browser cannot play the take's sound: it plays without. */
   silent: { message: string };
+  /** Sound from `begin` to `end` (s) cannot be had: the take plays on without it. */
+  gap: { begin: number; end: number; message: string };
   /** The browser plays no sound before the user has touched the page: the take plays muted. */
   blocked: undefined;
   /** Volume or muting has changed. */

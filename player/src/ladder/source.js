@@ -1,12 +1,13 @@
 // A take as a ladder of rates: the same frames in several qualities, cut into segments that begin with a keyframe.
 
-import { IsvFailure } from '../failure.js';
+import { IsvFailure, LostPart } from '../failure.js';
 import { FrameTimes } from '../frame-times.js';
 import { Gops } from '../gops.js';
 import { METADATA_LIMIT, metadataOf } from '../metadata.js';
 import { Box, boxAt, broken } from '../mp4/boxes.js';
 import { addSamples, noSamples, tracksIn } from '../mp4/fragments.js';
 import { codecOf, readMovie, soundsOf } from '../mp4/movie.js';
+import { attempts } from './attempts.js';
 import { Choice } from './choice.js';
 import { download } from './download.js';
 import { PLAYLIST_LIMIT, isMaster, parseMaster, parseMedia } from './playlist.js';
@@ -62,6 +63,10 @@ export class LadderSource {
   #firsts;
   /** The rung that each segment comes from; -1 before that is known. */
   #chosen;
+  /** Rungs that a segment is not whole in, a bit each. */
+  #spoiled;
+  /** Rungs whose last segment could not be had: the next one is tried once only. @type {Set<number>} */
+  #failing = new Set();
   /** Segments by number, in order of last use. @type {Map<number, Loading>} */
   #segments = new Map();
   /** Settles when the download before has ended. @type {Promise<unknown>} */
@@ -86,6 +91,7 @@ export class LadderSource {
     this.#choice = new Choice(rungs.map(({ bandwidth }) => bandwidth));
     const { segments } = rungs[0].media;
     this.#chosen = new Int8Array(segments.length).fill(-1);
+    this.#spoiled = new Uint16Array(segments.length);
     this.#firsts = new Float64Array(segments.length + 1);
     const starts = [0];
     /** @type {number[]} */
@@ -157,9 +163,10 @@ export class LadderSource {
     this.#playhead = playhead;
   }
 
-  /** @param {number} stream */
-  outdated(stream) {
-    return stream > this.#choice.current;
+  /** @param {number} stream @param {number} [frame] that comes from it: a better rung may lack it */
+  outdated(stream, frame) {
+    const { current } = this.#choice;
+    return stream > (frame === undefined ? current : (this.#soundRung(this.#segmentOf(frame), current) ?? current));
   }
 
   /** Learns how long a frame took. @param {import('../worker.js').Frame} frame */
@@ -167,7 +174,22 @@ export class LadderSource {
     this.#choice.decoded(stream, decodeMs + surfaceMs);
   }
 
-  /** @param {number} frame @param {AbortSignal} [signal] */
+  /** Notes that a frame cannot be decoded from the rung that it came from. @param {number} frame @returns {boolean} whether another rung may have it */
+  spoil(frame) {
+    const segment = this.#segmentOf(frame);
+    const rung = this.#chosen[segment];
+    if (rung < 0) return false;
+    this.#spoiled[segment] |= 1 << rung;
+    const held = this.#segments.get(segment);
+    if (held?.rung === rung) this.#drop(segment, held);
+    return this.#soundRung(segment, rung) !== null;
+  }
+
+  /**
+   * A frame's packet. Rejects with a `LostPart` where no rung has its segment whole.
+   * @param {number} frame
+   * @param {AbortSignal} [signal]
+   */
   async packet(frame, signal) {
     const segment = this.#segmentOf(frame);
     const within = frame - this.#firsts[segment];
@@ -193,7 +215,7 @@ export class LadderSource {
    */
   async #segment(number, begun, signal) {
     const held = this.#segments.get(number);
-    if (held?.bytes && !begun && !held.waiting && this.outdated(held.rung)) this.#drop(number, held);
+    if (held?.bytes && !begun && !held.waiting && this.outdated(held.rung, this.#firsts[number])) this.#drop(number, held);
     const loading = this.#segments.get(number) ?? this.#begin(number, begun && this.#chosen[number] >= 0 ? this.#chosen[number] : null);
     // Moves it to the end: it is the one used last.
     this.#segments.delete(number);
@@ -238,10 +260,78 @@ export class LadderSource {
     return loading;
   }
 
-  /** @param {number} number @param {Loading} loading @param {number} rung @param {AbortSignal} signal @returns {Promise<Uint8Array[]>} */
-  async #load(number, loading, rung, signal) {
-    const { media, track, bandwidth } = this.#rungs[rung];
-    const { url, seconds, frames } = media.segments[number];
+  /**
+   * Gets a segment of a rung, or of another where that is missing or damaged.
+   * @param {number} number
+   * @param {Loading} loading
+   * @param {number} wanted
+   * @param {AbortSignal} signal
+   * @returns {Promise<Uint8Array[]>}
+   */
+  async #load(number, loading, wanted, signal) {
+    /** What was wrong with the rung that was wanted. @type {LostPart | null} */
+    let failure = null;
+    let rung = this.#soundRung(number, wanted);
+    while (rung !== null) {
+      try {
+        const packets = await this.#fromRung(number, loading, { rung, once: failure !== null || this.#failing.has(rung) }, signal);
+        if (typeof packets !== 'number') return packets;
+        this.#choice.current = rung = packets;
+      } catch (error) {
+        if (!(error instanceof LostPart)) throw error;
+        failure ??= error;
+        this.#failing.add(rung);
+        this.#spoiled[number] |= 1 << rung;
+        rung = this.#soundRung(number, rung);
+      }
+    }
+    // Whoever asks once more has every rung tried again.
+    this.#spoiled[number] = 0;
+    throw failure ?? new LostPart('damaged', 'no rung has it whole');
+  }
+
+  /** The rung to take a segment from instead of one that is spoiled: a lower one is there sooner. @param {number} number @param {number} rung */
+  #soundRung(number, rung) {
+    const lower = this.#rungs.slice(rung).map((_, at) => rung + at);
+    const higher = this.#rungs.slice(0, rung).map((_, at) => rung - 1 - at);
+    return [...lower, ...higher].find((one) => !(this.#spoiled[number] & (1 << one))) ?? null;
+  }
+
+  /**
+   * @param {number} number
+   * @param {Loading} loading
+   * @param {{ rung: number, once: boolean }} from once: whether it is tried only once
+   * @param {AbortSignal} signal
+   * @returns {Promise<Uint8Array[] | number>} its packets, or the lower rung that it was given up for
+   */
+  async #fromRung(number, loading, { rung, once }, signal) {
+    const { media, track } = this.#rungs[rung];
+    const { url, frames } = media.segments[number];
+    const how = { signal, witness: media.init, once };
+    const got = await attempts(url, async (again) => {
+      const bytes = await this.#download(number, rung, signal, again);
+      return typeof bytes === 'number' ? bytes : { bytes: bytes.length, ...readSegment(bytes, track, frames) };
+    }, how);
+    if (typeof got === 'number') return got;
+    this.#refine(number, got.starts);
+    this.#failing.delete(rung);
+    loading.rung = rung;
+    loading.bytes = got.bytes;
+    this.#chosen[number] = rung;
+    this.#trim();
+    return got.packets;
+  }
+
+  /**
+   * @param {number} number
+   * @param {number} rung
+   * @param {AbortSignal} signal
+   * @param {boolean} again whether an earlier download of it failed
+   * @returns {Promise<Uint8Array | number>} a segment, or the lower rung that it was given up for
+   */
+  async #download(number, rung, signal, again) {
+    const { media, bandwidth } = this.#rungs[rung];
+    const { url, seconds } = media.segments[number];
     const begun = performance.now();
     const giveUp = new AbortController();
     /** @type {number | null} */
@@ -253,6 +343,7 @@ export class LadderSource {
       const ahead = (this.times.starts[this.#firsts[number]] - this.#playhead.seconds) / this.#playhead.speed;
       const bytes = length || (bandwidth * seconds) / 8;
       lower ??= this.#choice.instead({ rung, bytes, got, passed, ahead, seconds });
+      if (lower !== null && this.#spoiled[number] & (1 << lower)) lower = null;
       if (lower !== null) giveUp.abort();
     };
     // A network that gives nothing makes no progress.
@@ -261,6 +352,7 @@ export class LadderSource {
       const bytes = await download(url, {
         limit: SEGMENT_LIMIT,
         signal: AbortSignal.any([signal, giveUp.signal]),
+        again,
         progress: (all, length) => {
           this.#meter.bytes += all - got;
           got = all;
@@ -268,21 +360,14 @@ export class LadderSource {
         },
       });
       this.#note(before, begun);
-      const { packets, starts } = readSegment(bytes, track, frames);
-      this.#refine(number, starts);
-      loading.rung = rung;
-      loading.bytes = bytes.length;
-      this.#chosen[number] = rung;
-      this.#trim();
-      return packets;
+      return bytes;
     } catch (error) {
       if (got || lower !== null) this.#note(before, begun);
       if (lower === null || signal.aborted) throw error;
+      return lower;
     } finally {
       clearInterval(timer);
     }
-    this.#choice.current = lower;
-    return this.#load(number, loading, lower, signal);
   }
 
   /** Notes what the network gave, to sound as well. @param {number} before bytes that the meter showed @param {number} begun ms */
@@ -335,15 +420,21 @@ async function readSound(url, meter) {
       starts,
       init: async () => bytes,
       fragment: (at, signal) => {
-        let before = 0;
-        const progress = (/** @type {number} */ got) => {
-          meter.bytes += got - before;
-          before = got;
-        };
-        return download(media.segments[at].url, { limit: SEGMENT_LIMIT, signal, progress });
+        const { url } = media.segments[at];
+        return attempts(url, async (again) => checkSound(await downloadMetered(url, meter, signal, again), track), { signal, witness: media.init });
       },
     },
   ];
+}
+
+/** @param {string} url @param {Meter} meter @param {AbortSignal} signal @param {boolean} again */
+function downloadMetered(url, meter, signal, again) {
+  let before = 0;
+  const progress = (/** @type {number} */ got) => {
+    meter.bytes += got - before;
+    before = got;
+  };
+  return download(url, { limit: SEGMENT_LIMIT, signal, again, progress });
 }
 
 /** @param {string} url */
@@ -374,17 +465,31 @@ function checkAligned(rungs) {
 
 /** Packets of a segment, and when they are shown in seconds. @param {Uint8Array} bytes @param {import('../mp4/movie.js').Track} track @param {number} frames */
 function readSegment(bytes, track, frames) {
+  const { samples } = samplesOf(bytes, track, PACKET_HEADER_BYTES);
+  if (samples.offsets.length !== frames || !samples.keyframes[0]) throw broken('a segment has other frames than the playlist says');
+  const packets = samples.offsets.map((offset, frame) => bytes.subarray(offset, offset + samples.sizes[frame]));
+  return { packets, starts: samples.starts.map((start) => start / track.timescale) };
+}
+
+/** Makes sure that a segment of sound is whole: a browser that is given another plays no sound any more. @param {Uint8Array} bytes @param {import('../mp4/movie.js').Track} track */
+function checkSound(bytes, track) {
+  const { samples, all } = samplesOf(bytes, track, 1);
+  if (!all || !samples.offsets.length) throw broken('a segment of sound is not whole');
+  return bytes;
+}
+
+/** Samples of a segment, and whether all of them are there. @param {Uint8Array} bytes @param {import('../mp4/movie.js').Track} track @param {number} least bytes of a sample */
+function samplesOf(bytes, track, least) {
   const samples = noSamples();
+  let all = true;
   for (let at = 0; at < bytes.length; ) {
     const box = boxAt(bytes, at);
     at = box.end;
     if (box.type !== 'moof') continue;
     for (const { track: id, traf, time } of tracksIn(box))
-      if (id === track.id) addSamples(samples, traf, { track, moofAt: box.start, time, length: bytes.length, least: PACKET_HEADER_BYTES });
+      if (id === track.id) all &&= addSamples(samples, traf, { track, moofAt: box.start, time, length: bytes.length, least });
   }
-  if (samples.offsets.length !== frames || !samples.keyframes[0]) throw broken('a segment has other frames than the playlist says');
-  const packets = samples.offsets.map((offset, frame) => bytes.subarray(offset, offset + samples.sizes[frame]));
-  return { packets, starts: samples.starts.map((start) => start / track.timescale) };
+  return { samples, all };
 }
 
 /** @param {import('../source.js').Parser} parse @param {Uint8Array} header @param {string} name */

@@ -190,6 +190,9 @@ class Page {
     on('error', ({ message }) => this.#fail(player, `${of}${message}`));
     on('stalled', ({ message }) => this.#messages.hold(name, `${message}; trying again`));
     on('recovered', () => this.#messages.release(name));
+    on('gap', ({ begin, end, message }) =>
+      this.#messages.say(`${of}sound is missing from ${begin.toFixed(1)} to ${end.toFixed(1)} s (${message})`, 'warn'),
+    );
     on('silent', ({ message }) => this.#messages.say(`${of}${message}`, 'warn'));
     on('blocked', () =>
       this.#messages.propose('blocked', 'The sound is off.', 'Turn it on', () => this.#hear({ muted: false })),
@@ -204,12 +207,17 @@ class Page {
       if (hasCard) this.#messages.welcome(`${of}${message}`);
       else this.#messages.hold(`refused ${name}`, `${of}${message}`, 'bad');
     });
+    on('held', ({ resumes, message }) => {
+      const until = resumes < player.frames ? `up to frame ${resumes}` : 'to the end';
+      this.#messages.hold(`held ${name}`, `${of}the picture stands still ${until} (${message})`);
+    });
     on('frame', () => {
+      this.#messages.release(`held ${name}`);
       this.#messages.release(`refused ${name}`);
       if (hasCard) this.#messages.farewell();
       hasCard = false;
     });
-    on('lost', ({ frame, resumes, message, refused }) => {
+    on('lost', ({ frame, resumes, message, refused, missing }) => {
       if (refused) {
         // Of a file, the playhead stops there and says why.
         if (player.live) this.#messages.hold(`refused ${name}`, `${of}${message}`, 'bad');
@@ -220,7 +228,7 @@ class Page {
         : resumes < player.frames
           ? `it goes on at frame ${resumes}`
           : 'nothing after it can be shown';
-      this.#messages.say(`${of}frame ${frame} is damaged (${message}); ${goesOn}`, 'bad');
+      this.#messages.say(`${of}frame ${frame} is ${missing ? 'missing' : 'damaged'} (${message}); ${goesOn}`, 'bad');
     });
     on('state', ({ state }) => {
       if (state === 'lost') this.#messages.hold('live', 'The server has gone away; trying again');

@@ -3,7 +3,7 @@
 // What is heard cannot be moved without being heard to be; what is seen can. So the clock goes where the sound is. Where a frame
 // is missing, sound waits for it.
 
-import { isAbort, words } from '../failure.js';
+import { LostPart, isAbort, words } from '../failure.js';
 import { payloadOf } from '../mp4/boxes.js';
 import { upTo } from '../sorted.js';
 import { MP3_TYPE, nameOfCodec, typesOf } from './tracks.js';
@@ -15,10 +15,14 @@ const BEHIND = 20;
 const AGAIN = 4;
 /** Seconds by which the element may be off the clock when it starts: it is set right before it is heard. */
 const OFF = 0.005;
+/** Seconds before a fragment that cannot be had at which the clock goes by itself: elements stand still a little before their data ends. */
+const BEFORE_GAP = 0.1;
 /** Most seconds of a fragment: sound of which the last begins earlier than this before the take is not heard. */
 const LONGEST_FRAGMENT = 60;
 /** Waits in ms before a fetch that failed is tried again, the last one over and over. */
 const RETRIES = [500, 1000, 2000, 4000, 8000];
+/** Most fragments that are passed over one after the other: behind so many, the rest is not worth asking for. */
+const MOST_LOST = 10;
 /** What media elements call it that there is enough to go on. */
 const HAVE_FUTURE_DATA = 3;
 
@@ -28,6 +32,7 @@ const HAVE_FUTURE_DATA = 3;
  * @property {(detail: { message: string }) => void} unsupported sound cannot be played, and the take plays without
  * @property {() => void} blocked the browser plays no sound before the user has touched the page: it plays muted
  * @property {() => void} volume volume or muting has changed
+ * @property {(detail: { begin: number, end: number, message: string }) => void} gap a fragment cannot be had, and the take plays on without it
  * @property {(error: Error) => void} stalled bytes cannot be read, which is tried again
  * @property {() => void} recovered they can
  */
@@ -50,6 +55,10 @@ export class Sound {
   #media;
   /** Fragments that were given to the element. @type {Set<number>} */
   #given = new Set();
+  /** Fragments that cannot be had. @type {Set<number>} */
+  #lost = new Set();
+  /** How many of them follow each other. */
+  #lostInARow = 0;
   #closing = new AbortController();
   /** The fragment that is on its way. @type {{ at: number, abort: AbortController } | null} */
   #fetching = null;
@@ -249,11 +258,14 @@ export class Sound {
     const starts = this.#starts;
     if (seconds < starts[0] - OFF) return false;
     const at = indexOf(starts, seconds);
-    if (!this.#given.has(at) || (at + 1 < starts.length && !this.#given.has(at + 1))) return true;
+    const settled = (/** @type {number} */ one) => one >= starts.length || this.#given.has(one) || this.#lost.has(one);
+    const beside = this.#lost.has(at) || (this.#given.has(at) && this.#lost.has(at - 1));
+    if (!beside && !(settled(at) && settled(at + 1))) return true;
     // All that there is around it has been given: what is missing now does not exist.
     const { buffered } = this.element;
+    const margin = this.#lost.has(at) || this.#lost.has(at + 1) ? BEFORE_GAP : OFF;
     for (let range = 0; range < buffered.length; range++)
-      if (buffered.start(range) <= seconds && seconds < buffered.end(range) - OFF) return true;
+      if (buffered.start(range) <= seconds && seconds < buffered.end(range) - margin) return true;
     return false;
   }
 
@@ -283,8 +295,10 @@ export class Sound {
           const fragment = await this.#retried(() => this.#track.fragment(at, signal));
           this.#fetching = null;
           await this.#give(buffer, at, fragment);
+          this.#lostInARow = 0;
         } catch (error) {
-          if (!isAbort(error)) throw error;
+          if (error instanceof LostPart) this.#lose(at, error);
+          else if (!isAbort(error)) throw error;
         }
       }
     } catch (error) {
@@ -295,13 +309,23 @@ export class Sound {
     }
   }
 
+  /** Passes over a fragment, and gives up behind too many. @param {number} at @param {LostPart} why */
+  #lose(at, why) {
+    if (++this.#lostInARow >= MOST_LOST) throw why;
+    this.#lost.add(at);
+    const begin = this.#starts[at];
+    this.#on.gap({ begin: Math.max(0, begin), end: Math.min(this.#duration, this.#starts[at + 1] ?? this.#duration), message: words(why) });
+    if (at === this.#starts.length - 1) this.#end();
+  }
+
   /** Fragments that are wanted and not there, the first one first. @returns {number[]} */
   #wanted() {
     const starts = this.#starts;
     /** @type {number[]} */
     const wanted = [];
     const want = (/** @type {number} */ from, /** @type {number} */ to) => {
-      for (let at = indexOf(starts, from); at < starts.length && starts[at] < to; at++) if (!this.#given.has(at)) wanted.push(at);
+      for (let at = indexOf(starts, from); at < starts.length && starts[at] < to; at++)
+        if (!this.#given.has(at) && !this.#lost.has(at)) wanted.push(at);
     };
     const end = Math.min(this.#duration, this.#seconds + AHEAD);
     want(this.#seconds, end);
@@ -326,7 +350,12 @@ export class Sound {
       await appended(buffer, bytes);
     }
     this.#given.add(at);
-    if (at === this.#starts.length - 1 && this.#media.readyState === 'open') this.#media.endOfStream();
+    if (at === this.#starts.length - 1) this.#end();
+  }
+
+  /** Nothing comes behind what the element was given last. */
+  #end() {
+    if (this.#media.readyState === 'open') this.#media.endOfStream();
   }
 
   /** Frees what is long past. @param {SourceBuffer} buffer @param {number} behind seconds */
@@ -355,10 +384,13 @@ export class Sound {
     for (;;) {
       try {
         const answer = await request();
-        if (this.#failures) this.#on.recovered();
-        this.#failures = 0;
+        this.#readAgain();
         return answer;
       } catch (error) {
+        if (error instanceof LostPart) {
+          this.#readAgain();
+          throw error;
+        }
         const { kind } = /** @type {{ kind?: string }} */ (error);
         if (kind !== 'missing' || this.#failed) throw error;
         this.#on.stalled(/** @type {Error} */ (error));
@@ -366,6 +398,12 @@ export class Sound {
         await new Promise((wake) => setTimeout(wake, wait));
       }
     }
+  }
+
+  /** A server has answered. */
+  #readAgain() {
+    if (this.#failures) this.#on.recovered();
+    this.#failures = 0;
   }
 
   /** The take goes on without sound. @param {string} why */

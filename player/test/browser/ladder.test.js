@@ -64,7 +64,10 @@ describe('a ladder', { skip }, () => {
     await page.evaluate(() => {
       const { isv } = /** @type {any} */ (globalThis);
       const player = isv.players[0];
-      const noted = { rungs: /** @type {number[]} */ ([]), lost: 0, waited: 0, longest: 0, shown: new Set() };
+      const noted = { rungs: /** @type {number[]} */ ([]), lost: 0, waited: 0, longest: 0, shown: new Set(), samples: /** @type {any[]} */ ([]) };
+      const said = () => /** @type {any} */ (globalThis).document.getElementById('messages').textContent;
+      const sample = () => ({ at: player.clock.seconds, frame: player.shownFrame, heard: player.sound?.element.currentTime, said: said() });
+      setInterval(() => noted.samples.push(sample()), 20);
       Object.assign(globalThis, { noted });
       player.addEventListener('rung', (/** @type {any} */ { detail }) => noted.rungs.push(detail.rung));
       player.addEventListener('lost', () => noted.lost++);
@@ -126,6 +129,89 @@ describe('a ladder', { skip }, () => {
     assert.equal(lost, 0, 'rungs change without a gap');
     assert.ok(longest <= SEGMENT / 30, `it stalled for ${longest} s`);
     assert.deepEqual(errors, []);
+  });
+
+  /** Makes segments bad while something is done. @param {Record<string, (bytes: Uint8Array) => Uint8Array | null>} how null: missing @param {() => Promise<void>} what */
+  async function damaged(how, what) {
+    const were = Object.keys(how).map((name) => /** @type {[string, Uint8Array]} */ ([name, server.files.get(name)]));
+    for (const [name, bytes] of were) {
+      const bad = how[name](bytes);
+      if (bad) server.files.set(name, bad);
+      else server.files.delete(name);
+    }
+    await what().finally(() => were.forEach(([name, bytes]) => server.files.set(name, bytes)));
+  }
+
+  const missing = () => null;
+  const cut = (/** @type {Uint8Array} */ bytes) => bytes.subarray(0, bytes.length / 20);
+  /** Wrong in the first packet, which its checksum tells. @param {Uint8Array} bytes */
+  const garbled = (bytes) => {
+    const at = Buffer.from(bytes).indexOf('mdat') + 104;
+    return bytes.map((byte, place) => (place >= at && place < at + 40 ? byte ^ 0xff : byte));
+  };
+
+  test('segments that no rung has whole hold the picture, sound goes on, and the page says so', async () => {
+    server.habits.rate = 0;
+    const bad = Object.fromEntries(
+      [0, 1, 2].flatMap((rung) => [
+        [`rung-${rung}/2.m4s`, missing],
+        [`rung-${rung}/4.m4s`, garbled],
+        [`rung-${rung}/6.m4s`, rung === 0 ? cut : (/** @type {Uint8Array} */ bytes) => bytes],
+      ]),
+    );
+    await damaged(bad, async () => {
+      const { page } = await open('&paused');
+      await page.evaluate(() => /** @type {any} */ (globalThis).isv.toggle());
+      await reaches(page, 8);
+      await page.locator('#messages', { hasText: /the picture stands still/ }).waitFor({ state: 'detached' });
+      const { shown, samples } = await page.evaluate(() => {
+        const { shown, samples } = /** @type {any} */ (globalThis).noted;
+        return { shown: [...shown], samples };
+      });
+      const says = (/** @type {RegExp} */ words) => assert.ok(samples.some((/** @type {any} */ { said }) => words.test(said)), String(words));
+      says(/frame 60 is missing \(2\.m4s: the server has no such file\); it goes on at frame 90/);
+      says(/frame 120 is damaged .*; it goes on at frame 150/);
+      const held = samples.filter((/** @type {any} */ { at }) => at > 2.05 && at < 2.95);
+      assert.ok(held.some((/** @type {any} */ { said }) => said.includes('the picture stands still up to frame 90')), JSON.stringify(held));
+      assert.ok(held.length > 1 && held.every((/** @type {any} */ { frame }) => frame < 60), JSON.stringify(held));
+      // Sound leads the clock all the while.
+      assert.ok(held.every((/** @type {any} */ { at, heard }) => heard > at - 0.05), JSON.stringify(held));
+      const between = (/** @type {number} */ a, /** @type {number} */ b) => shown.filter((frame) => frame >= a && frame < b).length;
+      assert.deepEqual([between(60, 90), between(120, 150)], [0, 0]);
+      for (const begin of [90, 150, 180]) assert.ok(between(begin, begin + 30) > 0, `frames from ${begin} on are shown`);
+      assert.equal(await page.evaluate(() => /** @type {any} */ (globalThis).isv.players[0].error), null);
+    });
+  });
+
+  test('sound that is missing or damaged is passed over, geometry goes on, and sound comes again', async () => {
+    server.habits.rate = 0;
+    await damaged({ 'sound/2.m4s': missing, 'sound/5.m4s': cut }, async () => {
+      const { page } = await open('&paused');
+      await page.evaluate(() => /** @type {any} */ (globalThis).isv.toggle());
+      await reaches(page, 8);
+      const said = await page.evaluate(() => /** @type {any} */ (globalThis).noted.samples.map((/** @type {any} */ { said }) => said).join());
+      assert.match(said, /sound is missing from 2\.0 to 3\.0 s \(2\.m4s: the server has no such file\)/);
+      assert.equal((await noted(page)).lost, 0);
+      const shown = await page.evaluate(() => [.../** @type {any} */ (globalThis).noted.shown]);
+      for (const second of [2, 5]) assert.ok(shown.some((frame) => Math.floor(frame / 30) === second), `second ${second} is shown without sound`);
+      const { behind, seconds, playing } = await page.evaluate(() => {
+        const { sound, clock } = /** @type {any} */ (globalThis).isv.players[0];
+        return { behind: clock.seconds - sound.element.currentTime, seconds: clock.seconds, playing: !sound.element.paused };
+      });
+      // The clock is as old as the last picture, on a machine that draws slowly.
+      assert.ok(playing && Math.abs(behind) < 0.5, `at ${seconds} s sound is ${behind} s behind`);
+    });
+  });
+
+  test('a ladder whose segments are all gone ends with a reason', async () => {
+    server.habits.rate = 0;
+    const gone = Object.fromEntries([0, 1, 2].flatMap((rung) => Array.from({ length: 55 }, (_, at) => [`rung-${rung}/${at + 5}.m4s`, missing])));
+    await damaged(gone, async () => {
+      const { page } = await open('&paused');
+      await page.evaluate(() => /** @type {any} */ (globalThis).isv.seek(140));
+      await page.evaluate(() => /** @type {any} */ (globalThis).isv.toggle());
+      await page.locator('#messages', { hasText: /10 parts of it in a row cannot be played/ }).waitFor({ timeout: 60_000 });
+    });
   });
 
   test('a short take that goes round is seen at its best the second time', async () => {

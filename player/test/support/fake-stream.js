@@ -1,6 +1,7 @@
 // Streams for tests of everything around the decoder: a packet is `[frame, keyframe]`, and decoding one after the wrong frame
 // is noticed.
 
+import { LostPart } from '../../src/failure.js';
 import { Gops } from '../../src/gops.js';
 
 /** Bytes of a decoded frame. */
@@ -18,6 +19,13 @@ export function fakeSource(frames, gop, first) {
     stream: 0,
     streamOf: () => source.stream,
     outdated: (/** @type {number} */ stream) => stream > source.stream,
+    /** Set in what stands for a ladder. @type {object | null} */
+    rungs: null,
+    /** Keyframes of parts that cannot be had. @type {Set<number>} */
+    gone: new Set(),
+    /** Streams that are left for a frame that cannot be decoded. */
+    others: 0,
+    spoil: () => source.others-- > 0,
     offsetOf: (/** @type {number} */ frame) => 48 + 24 * frame,
     /** @type {number[]} */
     read: [],
@@ -26,6 +34,7 @@ export function fakeSource(frames, gop, first) {
     /** @param {number} frame */
     async packet(frame) {
       if (source.fails) throw source.fails;
+      if (source.gone.has(gops.keyframeOf(frame))) throw new LostPart('missing', 'no such file');
       source.read.push(frame);
       return new Uint8Array(Float64Array.of(frame, gops.keyframeOf(frame) === frame ? 1 : 0).buffer);
     },

@@ -25,8 +25,9 @@ const TYPES = {
  * @property {string} url where the page is
  * @property {Map<string, Uint8Array>} files what is served under `/files/`, by name; may change
  * @property {{ path: string, range: string | undefined }[]} requests
- * @property {{ ranges: boolean, delayMs: number, missing: Set<string>, rate: number }} habits whether ranges are heeded, paths that are not found, and
- *   bytes a second of all that is under `/files/`, 0 for as many as it takes
+ * @property {{ ranges: boolean, delayMs: number, missing: Set<string>, refused: Set<string>, silent: Set<string>, rate: number }} habits whether
+ *   ranges are heeded, paths that are not found, whose connections are closed, and that are never answered; bytes a second of all that is
+ *   under `/files/`, 0 for as many as it takes
  * @property {() => Promise<void>} close
  */
 
@@ -36,11 +37,13 @@ export async function serve(files = {}) {
   const served = {
     files: new Map(Object.entries(files)),
     requests: [],
-    habits: { ranges: true, delayMs: 0, missing: new Set(), rate: 0 },
+    habits: { ranges: true, delayMs: 0, missing: new Set(), refused: new Set(), silent: new Set(), rate: 0 },
   };
   const server = createServer(async (request, response) => {
     const path = decodeURIComponent((request.url ?? '/').split('?')[0]);
     served.requests.push({ path, range: request.headers.range });
+    if (served.habits.silent.has(path)) return;
+    if (served.habits.refused.has(path)) return request.socket.destroy();
     const bytes = served.habits.missing.has(path) ? null : await contentOf(served.files, path);
     if (path.startsWith('/files/') && served.habits.delayMs) await new Promise((wake) => setTimeout(wake, served.habits.delayMs));
     if (!bytes) return response.writeHead(404).end();
