@@ -33,12 +33,16 @@ pub(crate) fn kept_tracks(tracks: Tracks, input: &str, output: &Path) -> Tracks 
 
 /// Gives a copied stream its name, and says what is in it.
 pub(crate) fn commit(output: StreamOutput, path: &Path, frames: usize) -> Result<()> {
-    commit_file(finish(output)?, path, frames)
+    commit_file(finish(output, path)?, path, frames)
 }
 
-/// Completes the file of a stream.
-pub(crate) fn finish(output: StreamOutput) -> Result<Output> {
-    output.finish().map_err(|error| edit_error(stream::write_error(error)))
+/// Completes the file of a stream, and says which tracks beside it are longer or shorter.
+pub(crate) fn finish(output: StreamOutput, path: &Path) -> Result<Output> {
+    let finished = output.finish_with_ends();
+    let (output, ends) = finished.map_err(|error| edit_error(stream::write_error(error)))?;
+    let name = if is_pipe(path) { "standard output".to_owned() } else { path.display().to_string() };
+    stream::tell_of_ends(&name, &ends, &*words::observer());
+    Ok(output)
 }
 
 /// Gives a file its name, and says what is in it.

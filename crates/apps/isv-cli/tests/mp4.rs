@@ -150,6 +150,53 @@ fn a_rate_that_no_sound_has_is_refused() {
     work.isv(&["mux", "take.isv", "--audio", "sound.wav", "-o", "x.mp4"]).done();
 }
 
+#[test]
+fn sound_that_is_longer_or_shorter_than_the_geometry_is_told_of() {
+    let (work, _) = workspace();
+    // Frames take 0.3 s; packets of sound may end a little later.
+    for (sound_s, words) in [
+        (0.3, None),
+        (0.36, None),
+        (0.24, None),
+        (1.0, Some("longer than the geometry")),
+        (0.1, Some("shorter than the geometry")),
+    ] {
+        work.write("sound.wav", waveform(sound_s));
+        let said = |stderr: &str| match words {
+            None => assert!(!stderr.contains("than the geometry"), "{sound_s} s: {stderr}"),
+            Some(words) => {
+                let by_s = (sound_s - 0.3f64).abs();
+                assert!(
+                    stderr.contains(words) && stderr.contains("sound of track 2"),
+                    "{sound_s} s: {stderr}"
+                );
+                let told = stderr.split(" is ").nth(1).and_then(|rest| rest.split(' ').next());
+                let told: f64 = told.unwrap().parse().unwrap();
+                assert!((told - by_s).abs() < 0.03, "{sound_s} s: {stderr}");
+            }
+        };
+        said(&work.isv(&["mux", "take.isv", "--audio", "sound.wav", "-o", "other.mp4"]).done().stderr());
+        let track = &info(&work, "other.mp4")["tracks"][1];
+        let longer_s = track["longer_s"].as_f64().unwrap();
+        assert!((longer_s - (sound_s - 0.3)).abs() < 0.03, "{track}");
+        assert_eq!(info(&work, "other.mp4")["tracks"][0]["longer_s"], 0.0);
+        let table = String::from_utf8(work.isv(&["info", "other.mp4"]).done().stdout().to_vec()).unwrap();
+        assert_eq!(table.contains("than the geometry"), words.is_some(), "{table}");
+    }
+    // What is encoded and muxed at once is told of in the same words.
+    work.write("sound.wav", waveform(1.0));
+    let run = ["encode", "take.isv", "-o", "again.mp4", "--audio", "sound.wav", "--quality", "20"];
+    let said = work.isv(&run).done().stderr();
+    assert!(said.contains("again.mp4: the sound of track 2 is 0.7") && said.contains("longer"), "{said}");
+    // So are tracks that an MP4 file has already, each by its number.
+    work.isv(&["mux", "other.mp4", "--audio", "sound.wav", "-o", "two.mp4"]).done();
+    let said = work.isv(&["mux", "two.mp4", "-o", "kept.mp4"]).done().stderr();
+    assert!(
+        said.contains("track 2 is 0.1") && said.contains("track 3 is 0.7"),
+        "kept tracks are told of: {said}"
+    );
+}
+
 /// What another program prints of a file.
 fn printed(program: &str, args: &[&str], file: &Path) -> Option<String> {
     let output = Command::new(program).args(args).arg(file).output().ok()?;

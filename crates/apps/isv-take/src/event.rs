@@ -60,6 +60,14 @@ pub enum Event {
         /// Number of packets.
         packets: usize,
     },
+    /// Sound or picture beside a stream ends earlier or later than its geometry.
+    #[cfg(feature = "io")]
+    OtherEnd {
+        /// Name of the stream.
+        name: String,
+        /// Both ends.
+        end: isv_mp4::OtherEnd,
+    },
     /// The bytes behind the last sound frame of a stream cannot be read.
     EndsInDamage {
         /// Name of the stream.
@@ -125,6 +133,8 @@ impl Event {
             | Self::LeftOut { .. }
             | Self::EndsInDamage { .. } => true,
             Self::OnCpu(_) => false,
+            #[cfg(feature = "io")]
+            Self::OtherEnd { .. } => true,
             Self::Health { health, .. } => *health != Health::Exact,
             #[cfg(feature = "io")]
             Self::Decode(_) => true,
@@ -159,6 +169,8 @@ impl fmt::Display for Event {
                 }
             }
             Self::LeftOut { name, packets } => write!(f, "{name}: {}", left_out_in_words(*packets)),
+            #[cfg(feature = "io")]
+            Self::OtherEnd { name, end } => write!(f, "{name}: {}", end_in_words(end)),
             Self::EndsInDamage { name, why } => write!(f, "{name}: {why}: what is before that was copied"),
             Self::Health { name, frame, health, why } => match health {
                 Health::Exact => write!(f, "{name}: exact again from frame {frame} on"),
@@ -173,6 +185,21 @@ impl fmt::Display for Event {
             Self::Encode(event) => event.fmt(f),
         }
     }
+}
+
+/// How a track ends beside geometry, and what players make of it.
+#[cfg(feature = "io")]
+fn end_in_words(end: &isv_mp4::OtherEnd) -> String {
+    let longer_s = end.longer_s();
+    let (how, then) = match longer_s > 0.0 {
+        true => ("longer", "the player stops with the geometry"),
+        false => ("shorter", "the take goes on without it"),
+    };
+    let (kind, track, by_s) = (end.kind.name(), end.track, longer_s.abs());
+    let (end_s, geometry_s) = (end.end_s, end.geometry_s);
+    format!(
+        "the {kind} of track {track} is {by_s:.2} s {how} than the geometry ({end_s:.2} s beside {geometry_s:.2} s): {then}"
+    )
 }
 
 /// Packets of unknown types that a copy does not have, in words.

@@ -25,7 +25,9 @@ pub use join::{JoinedTimes, join};
 #[cfg(feature = "sound")]
 pub use mux::sound;
 #[cfg(feature = "io")]
-pub use mux::{default_sound, demux, mux, picture, tracks_beside, tracks_beside_all, write_error};
+pub use mux::{
+    default_sound, demux, mux, picture, tell_of_ends, tracks_beside, tracks_beside_all, write_error,
+};
 #[cfg(feature = "io")]
 pub use output::{Container, StreamOutput, Tracks, check_output, tracks_kept_in};
 pub use repair::{Repaired, repair};

@@ -9,6 +9,7 @@
 //! writes or reads `.isv` files does the same with MP4 files.
 
 mod boxes;
+mod ends;
 mod error;
 mod fragment;
 mod geometry;
@@ -29,6 +30,7 @@ mod stream;
 mod track;
 mod writer;
 
+pub use ends::{OtherEnd, is_other_end};
 pub use error::Mp4Error;
 pub use geometry::codec_string;
 pub use pipe::{GeometryPipe, Unwrapped};

@@ -2,7 +2,7 @@
 
 use crate::geometry::describe;
 use crate::interleave::{FragmentSource, write_before};
-use crate::{Mp4Error, Mp4Writer, SampleSource, SourceSample, TrackDescription};
+use crate::{Mp4Error, Mp4Writer, OtherEnd, SampleSource, SourceSample, TrackDescription, is_other_end};
 use isv_format::{FormatError, PacketHeader, PacketKind, StreamHeader, StreamIndex};
 use std::io::{self, Write};
 
@@ -89,7 +89,18 @@ impl<W: Write> GeometrySink<W> {
     ///
     /// # Panics
     /// After an error of a write.
-    pub fn finish(mut self) -> Result<W, Mp4Error> {
+    pub fn finish(self) -> Result<W, Mp4Error> {
+        self.finish_with_ends().map(|(sink, _)| sink)
+    }
+
+    /// Does as [`Self::finish`], and tells which tracks are longer or shorter than geometry.
+    ///
+    /// # Errors
+    /// Those of [`Self::finish`].
+    ///
+    /// # Panics
+    /// After an error of a write.
+    pub fn finish_with_ends(mut self) -> Result<(W, Vec<OtherEnd>), Mp4Error> {
         let header = match self.stream {
             StreamState::Header => {
                 return Err(FormatError::Truncated {
@@ -114,7 +125,9 @@ impl<W: Write> GeometrySink<W> {
         }
         self.write_fragment()?;
         self.write_others(u64::MAX)?;
-        self.writer.take().expect("begun above").finish()
+        let writer = self.writer.take().expect("begun above");
+        let others = other_ends(&writer, &self.descriptions, &header);
+        Ok((writer.finish()?, others))
     }
 
     /// Takes what is whole of the bytes that are held.
@@ -237,6 +250,24 @@ impl<W: Write> GeometrySink<W> {
         let writer = self.writer.as_mut().expect("tracks come behind the begin");
         write_before(writer, &mut self.tracks, 1, end_ns)
     }
+}
+
+/// The tracks that end earlier or later than geometry, which is the first.
+fn other_ends<W: Write>(
+    writer: &Mp4Writer<W>,
+    descriptions: &[TrackDescription],
+    stream: &StreamHeader,
+) -> Vec<OtherEnd> {
+    let end_s = |track: usize| descriptions[track].shown_ns(writer.end(track)) as f64 / 1e9;
+    let geometry_s = end_s(0);
+    let frame_s = 1.0 / stream.frame_rate.per_second();
+    let others = (1..descriptions.len()).map(|track| OtherEnd {
+        track: track + 1,
+        kind: descriptions[track].kind,
+        end_s: end_s(track),
+        geometry_s,
+    });
+    others.filter(|other| is_other_end(other.longer_s(), frame_s)).collect()
 }
 
 impl<W: Write> Write for GeometrySink<W> {

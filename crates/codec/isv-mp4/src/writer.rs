@@ -28,6 +28,8 @@ struct WrittenTrack {
     count: u32,
     /// Decode time of the first sample.
     begin: u64,
+    /// Decode time at which the last sample ends.
+    end: u64,
 }
 
 impl<W: Write> Mp4Writer<W> {
@@ -46,6 +48,7 @@ impl<W: Write> Mp4Writer<W> {
             samples: Vec::new(),
             count: 0,
             begin: 0,
+            end: 0,
         };
         Ok(Self { sink, at: init.len() as u64, fragments: 0, tracks: tracks.iter().map(written).collect() })
     }
@@ -67,6 +70,8 @@ impl<W: Write> Mp4Writer<W> {
         if written.fragments.is_empty() {
             written.begin = samples[0].time;
         }
+        let ends = samples.iter().map(|sample| sample.time.saturating_add(sample.duration.into()));
+        written.end = ends.fold(written.end, u64::max);
         written.fragments.push(FragmentInfo {
             time: samples[0].time,
             moof_offset: self.at,
@@ -109,6 +114,11 @@ impl<W: Write> Mp4Writer<W> {
         self.sink.write_all(&end)?;
         self.sink.flush()?;
         Ok(self.sink)
+    }
+
+    /// Decode time, in the track's timescale, at which what was written of a track ends.
+    pub(crate) fn end(&self, track: usize) -> u64 {
+        self.tracks[track].end
     }
 
     /// The sink. What is written to it behind the writer's back breaks the file.

@@ -304,7 +304,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             return Err(error.into());
         }
     };
-    finish(args, &options, stream::finish(writer.finish()?)?, &report, voxel_m, stats)
+    let output = stream::finish(writer.finish()?, &args.output)?;
+    finish(args, &options, output, &report, voxel_m, stats)
 }
 
 fn frame_stats(report: &FrameReport) -> EncodedFrameStats {
@@ -336,7 +337,8 @@ fn rescue(stream: UnfinishedStream<StreamOutput>) {
     }
     let kept = writer.sink_mut().sink_mut().and_then(Output::keep);
     // On a full disk not even an index has room. What is there opens all the same.
-    let _ = writer.finish().map_err(Into::into).and_then(stream::finish).map(Output::commit);
+    let finish = |stream: StreamOutput| -> Result<Output> { Ok(stream.finish()?) };
+    let _ = writer.finish().map_err(Into::into).and_then(finish).map(Output::commit);
     if let Some(path) = kept {
         say(format_args!("{} holds the first {}", path.display(), frames_in_words(frames)));
     }

@@ -6,6 +6,7 @@ use crate::stream;
 use anyhow::{Result, bail};
 use comfy_table::{Table, presets};
 use isv::raw::format::MaskCoding;
+use isv::raw::mp4::is_other_end;
 use isv::raw::take::metadata::Metadata;
 use isv::raw::take::stream::{PacketInfo, PaperInfo, StreamInfo, TrackSummary};
 use isv::raw::take::{Input, Length};
@@ -114,8 +115,13 @@ fn table(info: &StreamInfo) -> String {
         );
     }
     for track in &info.tracks {
-        let TrackSummary { kind, codec, samples, end_s, bytes, .. } = track;
-        row(kind, format!("{codec}, {samples} samples, {end_s:.2} s, {bytes} bytes"));
+        let TrackSummary { kind, codec, samples, end_s, longer_s, bytes, .. } = track;
+        let other = match is_other_end(*longer_s, 1.0 / info.fps) {
+            true if *longer_s > 0.0 => format!(" ({longer_s:.2} s longer than the geometry)"),
+            true => format!(" ({:.2} s shorter than the geometry)", -longer_s),
+            false => String::new(),
+        };
+        row(kind, format!("{codec}, {samples} samples, {end_s:.2} s{other}, {bytes} bytes"));
     }
     if info.colour_layers > 0 {
         row("colour", colour_in_words(info));

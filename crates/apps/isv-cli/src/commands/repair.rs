@@ -37,7 +37,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let create = || StreamOutput::create(&args.output, tracks);
     let (output, report) =
         repair(&input, other.as_ref(), memory::limit(), create).map_err(stream::edit_error)?;
-    stream::finish(output)?.commit()?;
+    stream::finish(output, &args.output)?.commit()?;
     let sentence = format!("{}: {}", input.name(), in_words(&report));
     if is_pipe(&args.output) {
         say(sentence);

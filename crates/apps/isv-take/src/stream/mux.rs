@@ -2,9 +2,9 @@
 
 use super::output::Tracks;
 use super::{EditError, StreamBytes, StreamError, StreamFault, StreamOutput, open_file, source, tell_if_cut};
-use crate::{FrameRange, Input, MemoryLimit, Observer};
+use crate::{Event, FrameRange, Input, MemoryLimit, Observer};
 use isv_format::PacketReader;
-use isv_mp4::{Chained, Mp4Error, Mp4File, SampleSource, Track, TrackKind, TrackSource, Trimmed};
+use isv_mp4::{Chained, Mp4Error, Mp4File, OtherEnd, SampleSource, Track, TrackKind, TrackSource, Trimmed};
 use std::fs::File;
 use std::io::{self, BufReader, Read, Write};
 use std::path::Path;
@@ -38,7 +38,16 @@ pub fn mux<W: Write>(
     }
     end.map_err(fault)?;
     super::tell_if_left_out(&name, sink.left_out(), observer);
-    Ok((sink.finish().map_err(write_error)?, frames))
+    let (output, ends) = sink.finish_with_ends().map_err(write_error)?;
+    tell_of_ends(&name, &ends, observer);
+    Ok((output, frames))
+}
+
+/// Tells which tracks beside a stream are longer or shorter than its geometry.
+pub fn tell_of_ends(name: &str, ends: &[OtherEnd], observer: &dyn Observer) {
+    for end in ends {
+        observer.event(&Event::OtherEnd { name: name.to_owned(), end: *end });
+    }
 }
 
 /// Takes the stream out of an MP4 file, byte for byte, and returns the sink.

@@ -3,7 +3,7 @@
 use super::StreamError;
 use isv_format::MAGIC;
 use isv_io::{Output, OutputError, check_not_input, check_overwriting, check_stream_name};
-use isv_mp4::{GeometrySink, Mp4Error, SampleSource, is_mp4};
+use isv_mp4::{GeometrySink, Mp4Error, OtherEnd, SampleSource, is_mp4};
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -96,9 +96,17 @@ impl<W: Write> StreamOutput<W> {
     /// # Errors
     /// Errors of the tracks and of the sink.
     pub fn finish(self) -> Result<W, Mp4Error> {
+        self.finish_with_ends().map(|(sink, _)| sink)
+    }
+
+    /// Does as [`Self::finish`], and tells which tracks of an MP4 file are longer or shorter than geometry.
+    ///
+    /// # Errors
+    /// Those of [`Self::finish`].
+    pub fn finish_with_ends(self) -> Result<(W, Vec<OtherEnd>), Mp4Error> {
         match self.0 {
-            Form::Isv(sink) => Ok(sink),
-            Form::Mp4(sink) => sink.finish(),
+            Form::Isv(sink) => Ok((sink, Vec::new())),
+            Form::Mp4(sink) => sink.finish_with_ends(),
         }
     }
 

@@ -70,9 +70,7 @@ impl StreamSummary {
             let file = input.path().ok_or(StreamFault::NoFile)?.metadata()?;
             let length = if file.is_file() { Some(source.length()?) } else { None };
             #[cfg(feature = "io")]
-            let tracks = source
-                .mp4()
-                .map_or_else(Vec::new, |mp4| mp4.tracks().iter().map(TrackSummary::new).collect());
+            let tracks = source.mp4().map_or_else(Vec::new, TrackSummary::all);
             let mut reader = PacketReader::new(source)?;
             let header = *reader.header();
             let packets = read_packets(&mut reader, &header.profile)?;
@@ -128,19 +126,31 @@ pub struct TrackSummary {
     pub samples: usize,
     /// Time (s) at which the last sample ends.
     pub end_s: f64,
+    /// Time (s) by which it is longer than geometry; below 0 if it is shorter.
+    pub longer_s: f64,
     /// Bytes of all samples.
     pub bytes: u64,
 }
 
 #[cfg(feature = "io")]
 impl TrackSummary {
-    fn new(track: &isv_mp4::Track) -> Self {
+    /// Facts of the tracks of a file.
+    fn all<S: Read + std::io::Seek>(file: &isv_mp4::Mp4File<S>) -> Vec<Self> {
+        let tracks = file.tracks();
+        let geometry = tracks.iter().find(|track| track.description.kind == isv_mp4::TrackKind::Geometry);
+        let geometry_s = geometry.map_or(0.0, isv_mp4::Track::end_s);
+        tracks.iter().map(|track| Self::new(track, geometry_s)).collect()
+    }
+
+    /// Facts of a track beside geometry that ends at a time (s).
+    fn new(track: &isv_mp4::Track, geometry_s: f64) -> Self {
         Self {
             kind: track.description.kind.name(),
             codec: track.description.codec(),
             language: track.description.language.clone(),
             samples: track.samples.len(),
             end_s: track.end_s(),
+            longer_s: track.end_s() - geometry_s,
             bytes: track.bytes(),
         }
     }
