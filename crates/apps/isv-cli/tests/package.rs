@@ -105,3 +105,36 @@ fn a_stream_with_regular_keyframes_is_its_own_best_rate() {
     work.isv(&["package", "take.isv", "-o", "other", "--rungs", "9"]).fails(1, &["--rungs: 1 to 8"]);
     assert!(!work.path("other").exists());
 }
+
+#[test]
+fn lower_rates_have_larger_voxels_as_far_as_that_is_allowed() {
+    let (work, _) = Workspace::with_stream(FRAMES + 1);
+    let half = std::f64::consts::SQRT_2;
+    for (lod, rungs, larger) in [("1", "2", &[1.0, 1.0][..]), ("2", "4", &[1.0, half, 2.0, 2.0])] {
+        work.isv(&["package", "take.isv", "-o", "site", "--rungs", rungs, "--lod", lod]).done();
+        for (rung, larger) in larger.iter().enumerate() {
+            let rung = format!("rung-{rung}");
+            work.write("rung.isv", stream(&work, &rung));
+            work.isv(&["verify", "rung.isv"]).done();
+            let voxel_m = work.isv(&["info", "rung.isv", "--json"]).json()["voxel_size_m"].as_f64().unwrap();
+            assert!((voxel_m - 0.02 * larger).abs() < 1e-6, "--lod {lod}, {rung}: {voxel_m} m");
+        }
+    }
+    // The quarter of a rate is reached, for which the voxels of the best are too many.
+    let size = |rung: &str| stream(&work, rung).len() as f64;
+    let ratio = size("rung-0") / size("rung-2");
+    assert!((3.2..=4.8).contains(&ratio), "{ratio}");
+    work.isv(&["package", "take.isv", "-o", "site", "--lod", "3"]).fails(2, &["--lod"]);
+    // Points get voxels by their distances at first.
+    work.isv(&["decode", "take.isv", "-o", "points", "--as", "points", "--format", "ply"]).done();
+    work.isv(&["package", "points", "-o", "cloud", "--rungs", "3", "--gop", "3"]).done();
+    let voxel_m = |rung: &str| {
+        work.write(
+            "init.mp4",
+            [work.read(&format!("cloud/{rung}/init.mp4")), work.read(&format!("cloud/{rung}/0000.m4s"))]
+                .concat(),
+        );
+        work.isv(&["info", "init.mp4", "--json"]).json()["voxel_size_m"].as_f64().unwrap()
+    };
+    assert!((voxel_m("rung-2") / voxel_m("rung-0") - 2.0).abs() < 1e-4);
+}

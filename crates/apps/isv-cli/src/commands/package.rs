@@ -1,6 +1,7 @@
 //! `isv package`: a take in several rates with the player, as files for any web host.
 
 use super::encode::{CaptureArgs, Passes};
+use crate::cli_enums::LodName;
 use crate::count;
 use crate::interrupt;
 use crate::output::say;
@@ -9,16 +10,18 @@ use crate::stats::megabits_per_second;
 use crate::threads::use_threads;
 use crate::{memory, stream, words};
 use anyhow::{Context, Result, bail};
+use isv::raw::decode::Lod;
+use isv::raw::encode::Band;
 use isv::raw::format::StreamHeader;
-use isv::raw::io::check_folder_name;
+use isv::raw::io::{Geometry, check_folder_name};
 use isv::raw::mp4::{
     Mp4File, Rung, Segment, Segments, TrackKind, Trimmed, codec_string, is_stream_name, master_playlist,
     media_playlist, segment_name, write_tracks,
 };
-use isv::raw::take::capture::{Capture, ContentKind};
+use isv::raw::take::capture::{Capture, Content, ContentKind};
 use isv::raw::take::encode::{EncodeOptions, Job, VoxelChoice};
 use isv::raw::take::stream::{Container, StreamOutput, StreamSummary, Tracks, mux};
-use isv::raw::take::{BitRate, Input, MemorySize};
+use isv::raw::take::{BitRate, FrameRange, Input, Length, MemorySize};
 use isv_serve::{ExportFolder, Page, PageOptions};
 use std::fs::File;
 use std::io::{BufReader, BufWriter, IntoInnerError};
@@ -44,6 +47,13 @@ pub(crate) struct Args {
     /// The best has the quality or rate that is asked for. A stream whose keyframes come regularly is itself the best.
     #[arg(long, value_name = "N", default_value = "3", value_parser = count::parse::<NonZero<usize>>)]
     rungs: NonZero<usize>,
+    /// How many times larger the voxels of lower rates may get: 1, 2 or 4
+    ///
+    /// A rate of a quarter has voxels twice as large, one of a sixteenth voxels four times as large. With 1, all
+    /// rates have the same voxels. The lowest rates then may not be reached. Meshes without --voxel get the size
+    /// that serves each rate best.
+    #[arg(long, value_enum, default_value = "4", value_name = "N")]
+    lod: LodName,
 }
 
 /// A rate of the take, in a file of its own.
@@ -74,9 +84,12 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         _ => encoded(args, &input, &options, 1)?,
     };
     let best_bits = best.bytes as f64 * 8.0 / best.seconds.max(f64::MIN_POSITIVE);
+    let best_voxel_m = best.header.grid.voxel_size.metres();
     let mut coded = vec![best];
     for rung in 1..rungs {
-        let options = lower(&options, &input, best_bits / f64::from(1u32 << rung))?;
+        let bits = best_bits / f64::from(1u32 << rung);
+        let larger = larger_voxels(rung, args.lod.into());
+        let options = lower(&options, &input, bits, Length::from_metres(best_voxel_m * larger))?;
         coded.push(encoded(args, &input, &options, rung + 1)?);
     }
     check_aligned(&coded)?;
@@ -123,19 +136,41 @@ fn regular_gop(input: &Input) -> Result<Option<NonZero<u32>>> {
     Ok(u32::try_from(gop).ok().filter(|_| is_regular).and_then(NonZero::new))
 }
 
+/// How many times larger the voxels of a lower rate are than those of the best. A surface has samples by the square
+/// of that, so that each sample keeps its bits.
+fn larger_voxels(rung: usize, most: Lod) -> f64 {
+    2f64.powf(rung as f64 / 2.0).min(f64::from(most.voxels()))
+}
+
 /// The options of a lower rate (bits a second): it is met in two passes, with voxels that suit it.
-fn lower(options: &EncodeOptions, input: &Input, bits: f64) -> Result<EncodeOptions> {
+fn lower(options: &EncodeOptions, input: &Input, bits: f64, voxel: Length) -> Result<EncodeOptions> {
     let mut lower = options.clone();
     lower.main.bitrate = Some(BitRate::from_bits_per_second(bits));
     (lower.main.quality, lower.main.max_error, lower.main.passes) = (None, None, Some(2));
     lower.colour.quality = None;
     let silent = words::observer();
     let capture = Capture::open(input, &options.hints(&silent)?)?;
-    // Samples of meshes are coded with several sizes, and the best is taken. Other captures keep theirs.
-    if capture.content() == ContentKind::Geometry && options.voxel == VoxelChoice::Fit {
-        lower.voxel = VoxelChoice::Auto;
+    // What is kept away from the surface is known on the grid of the input alone.
+    if options.band == Some(Band::Full) {
+        return Ok(lower);
     }
+    let is_free = matches!(options.voxel, VoxelChoice::Fit | VoxelChoice::Auto);
+    // Samples of meshes are coded with several sizes, and the best is taken.
+    lower.voxel = match is_free && is_of_meshes(capture, options.frames)? {
+        true => VoxelChoice::Auto,
+        false => VoxelChoice::Edge(voxel),
+    };
     Ok(lower)
+}
+
+/// Whether the first frame is a mesh. One that cannot be read is refused, or left out, when the rate is coded.
+fn is_of_meshes(capture: Capture, frames: Option<FrameRange>) -> Result<bool> {
+    if capture.content() != ContentKind::Geometry {
+        return Ok(false);
+    }
+    let first = capture.range(frames)?.start;
+    let content = capture.read(first..first + 1)?.next().and_then(Result::ok).map(|frame| frame.content);
+    Ok(matches!(content, Some(Content::Geometry(Geometry::Mesh(mesh))) if !mesh.triangles.is_empty()))
 }
 
 /// Codes the take into an MP4 file without a name.
