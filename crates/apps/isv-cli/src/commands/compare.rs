@@ -86,7 +86,9 @@ pub(crate) struct Args {
     /// Only these frames, without frame B
     #[arg(help_heading = "Input", long, value_name = "A..B")]
     frames: Option<FrameRange>,
-    /// Animation of a glTF file, by name or number from 0 [default: the first that moves anything]
+    /// Animation of a glTF file, by name or number from 0
+    ///
+    /// Without it, the first that moves anything plays.
     #[arg(help_heading = "Input", long, value_name = "NAME")]
     animation: Option<String>,
     /// Number of the frame that is drawn [default: the one in the middle]

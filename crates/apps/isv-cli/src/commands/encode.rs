@@ -88,7 +88,9 @@ pub(crate) struct CaptureArgs {
     /// Frames A to B-1, counted from 0; either end may be left out
     #[arg(help_heading = "Input", long, value_name = "A..B")]
     pub(super) frames: Option<FrameRange>,
-    /// Animation of a glTF file, by name or number from 0 [default: the first that moves anything]
+    /// Animation of a glTF file, by name or number from 0
+    ///
+    /// Without it, the first that moves anything plays.
     #[arg(help_heading = "Input", long, value_name = "NAME")]
     animation: Option<String>,
     /// Most frames from a keyframe to the next

@@ -74,12 +74,14 @@ pub(crate) struct Args {
     /// Frames a second at which animated files are sampled
     #[arg(long, default_value = "30")]
     fps: FrameRate,
-    /// Animation of REFERENCE, by name or number from 0 [default: the first that moves anything]
+    /// Animation of REFERENCE, by name or number from 0: what isv encode was told
     ///
-    /// What isv encode was told.
+    /// Without it, the first that moves anything plays.
     #[arg(long, value_name = "NAME")]
     animation: Option<String>,
-    /// Animation of TEST, by name or number from 0 [default: the first that moves anything]
+    /// Animation of TEST, by name or number from 0
+    ///
+    /// Without it, the first that moves anything plays.
     #[arg(long, value_name = "NAME")]
     test_animation: Option<String>,
     /// Frames A to B-1 of REFERENCE, counted from 0

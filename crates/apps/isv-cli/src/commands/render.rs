@@ -134,7 +134,9 @@ pub(crate) struct Args {
     /// An animated file is sampled at this rate.
     #[arg(help_heading = "Pictures", long)]
     fps: Option<FrameRate>,
-    /// Animation of a glTF file, by name or number from 0 [default: the first that moves anything]
+    /// Animation of a glTF file, by name or number from 0
+    ///
+    /// Without it, the first that moves anything plays.
     #[arg(help_heading = "Pictures", long, value_name = "NAME")]
     animation: Option<String>,
     /// Unit of the input's coordinates: m, dm, cm, mm, in, ft or us-ft
@@ -145,7 +147,9 @@ pub(crate) struct Args {
     /// Unit of the coordinates of --against
     #[arg(help_heading = "Comparison", long, default_value_t = Unit::Metre, requires = "against")]
     against_units: Unit,
-    /// Animation of --against, by name or number from 0 [default: the first that moves anything]
+    /// Animation of --against, by name or number from 0
+    ///
+    /// Without it, the first that moves anything plays.
     #[arg(help_heading = "Comparison", long, value_name = "NAME", requires = "against")]
     against_animation: Option<String>,
     /// Place of the meshes of --against that is the input's origin
