@@ -133,7 +133,7 @@ _Place: TypeAlias = tuple[int, int, int]
 class SurfaceParts:
     """The surface of one frame after another in parts, of which those are extracted again that changed.
 
-    A part is what 4x4x4 blocks of 8x8x8 voxels hold. Its mesh stands alone: vertices at the border of two parts are in
+    A part is what 4x4x4 blocks hold. Its mesh stands alone: vertices at the border of two parts are in
     both. In a scene of which little moves, :meth:`update` costs what moves, and a viewer keeps the meshes of all other
     parts. ``for place in parts`` gives the places of all parts, ``parts[place]`` the mesh of one.
     """

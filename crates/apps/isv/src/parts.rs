@@ -6,7 +6,7 @@ use isv_volume::BlockCoord;
 
 /// The surface of one frame after another, in parts, of which those are extracted again that changed.
 ///
-/// A part is what 4x4x4 blocks of 8x8x8 voxels hold. Its mesh stands alone: vertices at the border of two parts are in both. In a scene
+/// A part is what 4x4x4 blocks hold. Its mesh stands alone: vertices at the border of two parts are in both. In a scene
 /// of which little moves, an update costs what moves, and a renderer keeps the meshes of all other parts.
 ///
 /// ```no_run

@@ -96,7 +96,7 @@ impl<W: Write> GeometrySink<W> {
     /// Does as [`Self::finish`], and tells which tracks are longer or shorter than geometry.
     ///
     /// # Errors
-    /// Those of [`Self::finish`].
+    /// Errors of [`Self::finish`].
     ///
     /// # Panics
     /// After an error of a write.

@@ -45,7 +45,7 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    /// Finds out what an input is, and how many frames it has if that can be known.
+    /// Finds out what an input is, and how many frames it has if that can be known. An animation is refused where there is none.
     pub(super) fn open(input: &Input, hints: &Hints) -> Result<(Option<usize>, Self), CaptureError> {
         let (frames, kind) = Self::find(input, hints)?;
         match (&hints.animation, &kind) {

@@ -102,7 +102,7 @@ impl<W: Write> StreamOutput<W> {
     /// Does as [`Self::finish`], and tells which tracks of an MP4 file are longer or shorter than geometry.
     ///
     /// # Errors
-    /// Those of [`Self::finish`].
+    /// Errors of [`Self::finish`].
     pub fn finish_with_ends(self) -> Result<(W, Vec<OtherEnd>), Mp4Error> {
         match self.0 {
             Form::Isv(sink) => Ok((sink, Vec::new())),
