@@ -137,6 +137,21 @@ fn set(
     Ok(())
 }
 
+/// Sets an option that is text. `argument`: name and value of what the caller gave.
+///
+/// # Safety
+/// As for [`text`].
+unsafe fn set_text(
+    options: *mut isv_encode_options,
+    name: &'static str,
+    (argument, value): (&'static str, *const c_char),
+    edit: fn(EncodeOptions, String) -> EncodeOptions,
+) -> Outcome {
+    // SAFETY: as the caller says.
+    let value = unsafe { text(argument, value) }?.to_owned();
+    set(options, name, move |options| edit(options, value.clone()))
+}
+
 fn set_target(options: *mut isv_encode_options, target: EncodeOptions) -> Outcome {
     let settings = handle::get(options)?;
     target.check()?;
@@ -413,8 +428,7 @@ pub unsafe extern "C" fn isv_encode_options_set_animation(
 ) -> isv_status {
     call_ok(|| {
         // SAFETY: isv.h asks for text.
-        let animation = unsafe { text("animation", animation) }?.to_owned();
-        set(options, "animation", move |options| options.animation(animation.clone()))
+        unsafe { set_text(options, "animation", ("animation", animation), EncodeOptions::animation) }
     })
 }
 
@@ -426,8 +440,7 @@ pub unsafe extern "C" fn isv_encode_options_set_title(
 ) -> isv_status {
     call_ok(|| {
         // SAFETY: isv.h asks for text.
-        let title = unsafe { text("title", title) }?.to_owned();
-        set(options, "title", move |options| options.title(title.clone()))
+        unsafe { set_text(options, "title", ("title", title), EncodeOptions::title) }
     })
 }
 
@@ -439,8 +452,7 @@ pub unsafe extern "C" fn isv_encode_options_set_capture_device(
 ) -> isv_status {
     call_ok(|| {
         // SAFETY: isv.h asks for text.
-        let device = unsafe { text("device", device) }?.to_owned();
-        set(options, "capture device", move |options| options.capture_device(device.clone()))
+        unsafe { set_text(options, "capture device", ("device", device), EncodeOptions::capture_device) }
     })
 }
 
