@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, HashMap, btree_map};
 use std::iter::Peekable;
+use std::mem::take;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -48,8 +49,16 @@ pub struct SurfaceParts {
     options: SurfaceOptions,
     /// The volume that the parts are of, and its blocks.
     volume: Option<(SparseVolume, BlockSet)>,
-    /// Meshes with triangles, by the code of their cell of blocks.
-    parts: BTreeMap<u64, Arc<TriangleMesh>>,
+    /// Parts with triangles, by the code of their cell of blocks.
+    parts: BTreeMap<u64, Part>,
+}
+
+#[derive(Clone, Debug)]
+struct Part {
+    /// Empty once it was taken.
+    mesh: Arc<TriangleMesh>,
+    /// Vertices that the mesh has or had.
+    vertices: usize,
 }
 
 /// The parts that an update changed, each by its block with the lowest coordinates, in order.
@@ -97,16 +106,23 @@ impl SurfaceParts {
                 (blocks.clone(), blocks)
             }
         };
-        // All blocks of the parts that are extracted again, and those beside them, which their vertices and normals depend on.
+        // The parts that are extracted again, whole.
         let own = blocks.difference(&blocks.outside_cells_of(&stale));
-        let needed = own.dilated().marks_in(&blocks);
-        let around = volume.select(|block| needed[block]);
         let kept =
             |code: &u64| before.is_some() && stale.cells().binary_search_by_key(code, |c| c.code).is_err();
-        let of_kept: usize =
-            self.parts.iter().filter(|(code, _)| kept(code)).map(|(_, mesh)| mesh.vertices.len()).sum();
-        let new = extract_parts(&around, self.options, &own, limit.saturating_sub(of_kept))
-            .map_err(|error| TooManyVertices { vertices: of_kept + error.vertices, limit })?;
+        let mut vertices: usize =
+            self.parts.iter().filter(|(code, _)| kept(code)).map(|(_, part)| part.vertices).sum();
+        let mut new = BTreeMap::new();
+        for cells in own.cells().chunks(PARTS_AT_ONCE) {
+            let own: BlockSet = cells.iter().copied().collect();
+            // With the blocks beside them, which vertices and normals depend on.
+            let needed = own.dilated().marks_in(&blocks);
+            let around = volume.select(|block| needed[block]);
+            let parts = extract_parts(&around, self.options, &own, limit.saturating_sub(vertices))
+                .map_err(|error| TooManyVertices { vertices: vertices + error.vertices, limit })?;
+            vertices += parts.values().map(|part| part.vertices).sum::<usize>();
+            new.extend(parts);
+        }
 
         let removed = self.parts.keys().filter(|code| !kept(code) && !new.contains_key(code)).copied();
         let removed: Vec<_> = removed.collect();
@@ -117,17 +133,26 @@ impl SurfaceParts {
         Ok(PartChanges { changed, removed: removed.into_iter().map(corner).collect() })
     }
 
-    /// The parts in Morton order, each with its block of the lowest coordinates. None is empty.
+    /// The parts in Morton order, each with its block of the lowest coordinates. None is empty but those that were taken.
     pub fn iter(&self) -> impl Iterator<Item = (BlockCoord, &Arc<TriangleMesh>)> {
-        self.parts.iter().map(|(code, mesh)| (corner(*code), mesh))
+        self.parts.iter().map(|(code, part)| (corner(*code), &part.mesh))
     }
 
     /// The part of this block, which need not be the one with the lowest coordinates.
     #[must_use]
     pub fn part(&self, block: BlockCoord) -> Option<&Arc<TriangleMesh>> {
-        self.parts.get(&BlockCell::containing(block).code)
+        Some(&self.parts.get(&BlockCell::containing(block).code)?.mesh)
+    }
+
+    /// Takes the mesh of a part, as [`Self::part`] names it, for a caller that keeps meshes elsewhere. The part is empty from then on,
+    /// until it changes.
+    pub fn take(&mut self, block: BlockCoord) -> Option<Arc<TriangleMesh>> {
+        Some(take(&mut self.parts.get_mut(&BlockCell::containing(block).code)?.mesh))
     }
 }
+
+/// Parts that are extracted together. A frame that is new as a whole takes memory for the mesh of so many, beside the parts.
+const PARTS_AT_ONCE: usize = 1024;
 
 /// The block of a part with the lowest coordinates.
 fn corner(code: u64) -> BlockCoord {
@@ -249,7 +274,7 @@ fn extract_parts(
     options: SurfaceOptions,
     own: &BlockSet,
     limit: usize,
-) -> Result<BTreeMap<u64, Arc<TriangleMesh>>, TooManyVertices> {
+) -> Result<BTreeMap<u64, Part>, TooManyVertices> {
     let mut mesh = TriangleMesh::default();
     // Blocks beside the parts have vertices, too, which are left out in the end: 4^3 blocks of a part are 6^3 with those beside.
     let most = limit.saturating_mul(4).min(u32::MAX as usize);
@@ -257,9 +282,12 @@ fn extract_parts(
     let cells = own.cells();
     let is_own = |share: &Share| cells.binary_search_by_key(&share.code, |cell| cell.code).is_ok();
     let shares = shares.into_par_iter().filter(|share| !share.triangles.is_empty() && is_own(share));
-    let part = |scratch: &mut Vec<u32>, share: Share| (share.code, Arc::new(part_of(&mesh, &share, scratch)));
+    let part = |scratch: &mut Vec<u32>, share: Share| {
+        let mesh = part_of(&mesh, &share, scratch);
+        (share.code, Part { vertices: mesh.vertices.len(), mesh: Arc::new(mesh) })
+    };
     let parts: BTreeMap<_, _> = shares.map_init(Vec::new, part).collect();
-    match parts.values().map(|part| part.vertices.len()).sum() {
+    match parts.values().map(|part| part.vertices).sum() {
         vertices if vertices > limit => Err(TooManyVertices { vertices, limit }),
         _ => Ok(parts),
     }

@@ -155,3 +155,47 @@ fn another_grid_changes_everything() {
     assert_eq!((changes.changed, changes.removed), (vec![], vec![[4, 0, 0].into()]));
     assert_eq!(parts.iter().count(), 0);
 }
+
+#[test]
+fn more_parts_than_are_extracted_at_once_are_the_whole_surface() {
+    let mut builder = VolumeBuilder::new(grid(4));
+    let mut random = Random(1);
+    // A wall of 40 x 40 parts.
+    let places = (0..160).flat_map(|y| (0..160).map(move |x| BlockCoord::from([x, y, 0])));
+    let mut places: Vec<_> = places.filter(|_| random.below(3) == 0).collect();
+    places.sort_unstable_by_key(|coord| coord.morton());
+    for coord in places {
+        let (samples, mask) = random.block(4);
+        builder.push(coord, samples, mask);
+    }
+    let volume = builder.finish();
+    let mut parts = SurfaceParts::new(WITH_NORMALS);
+    let changes = parts.update(&volume);
+    assert!(changes.changed.len() > 1200, "{} parts", changes.changed.len());
+    let whole = extract_surface(&volume, &WITH_NORMALS);
+    assert!(corners(parts.iter().map(|(_, mesh)| &**mesh)) == corners([&whole].into_iter()));
+    let limit = whole.vertices.len() - 1;
+    let error = SurfaceParts::new(WITH_NORMALS).update_within(&volume, limit).unwrap_err();
+    assert!(error.vertices > limit && error.limit == limit, "{error}");
+}
+
+#[test]
+fn a_part_that_was_taken_is_empty_until_it_changes() {
+    let sphere = |x: f64| sample(grid(8), 0.4, move |p| p.distance(DVec3::new(x, 0.0, 0.0)) - 0.2);
+    let mut parts = SurfaceParts::new(SurfaceOptions::default());
+    let changed = parts.update(&sphere(0.0)).changed;
+    let whole = meshes(&parts);
+    let taken: Vec<_> = changed.iter().map(|place| (*place, parts.take(*place).unwrap())).collect();
+    assert!(taken == whole);
+    assert!(parts.iter().all(|(_, mesh)| mesh.triangles.is_empty()));
+    // What is kept elsewhere counts in the limit, too.
+    assert_eq!(parts.update_within(&sphere(0.0), 0), Ok(Default::default()));
+    let vertices: usize = whole.iter().map(|(_, mesh)| mesh.vertices.len()).sum();
+    assert!(parts.update_within(&sphere(0.02), vertices / 2).is_err());
+    let changed = parts.update(&sphere(0.02)).changed;
+    let mut anew = SurfaceParts::new(SurfaceOptions::default());
+    anew.update(&sphere(0.02));
+    for place in changed {
+        assert!(parts.part(place) == anew.part(place));
+    }
+}
