@@ -1,8 +1,10 @@
 // How long frames take to decode and their surfaces to extract, one thread, best of several runs:
 //
 //   node player/bench/decode.js STREAM.isv [ISV]
+//   node player/bench/decode.js STREAM.isv --parts
 //
-// ISV: the command's path, for the ratio to native code on one thread.
+// ISV: the command's path, for the ratio to native code on one thread. --parts: of a large scene in one GOP, each frame after the
+// keyframe with its surface as a whole and in parts, in one run, with the copies of the arrays.
 
 import { execFileSync } from 'node:child_process';
 import { mkdtempSync, readFileSync, rmSync } from 'node:fs';
@@ -56,6 +58,30 @@ function runNative(isv, file) {
   }
 }
 
+/** Surfaces of frames after the keyframe: whole, and the parts that changed. */
+function compareParts() {
+  const header = streamHeader(stream);
+  for (const [what, parts] of /** @type {[string, number][]} */ ([['whole surfaces', Infinity], ['parts', 0]])) {
+    decoder.limit(2 ** 31, { trusted: true });
+    decoder.open(header);
+    const times = packets.map((packet) => {
+      const begin = performance.now();
+      const { decodeMs, surfaceMs, indices } = decoder.decode(packet, { normals: true, parts });
+      return { decodeMs, surfaceMs, all: performance.now() - begin, triangles: indices.length / 3 };
+    });
+    const later = times.slice(1);
+    const median = (/** @type {'decodeMs' | 'surfaceMs' | 'all' | 'triangles'} */ of) =>
+      later.map((frame) => frame[of]).sort((a, b) => a - b)[later.length >> 1];
+    const [decode, surface, all] = [median('decodeMs'), median('surfaceMs'), median('all')].map(Math.round);
+    const keyframe = Math.round(times[0].all);
+    const memory = Math.round(decoder.memoryBytes / 1e6);
+    console.log(
+      `${what}: decode ${decode} ms, surface ${surface} ms, with copies ${all} ms, ${median('triangles')} triangles; ` +
+        `keyframe ${keyframe} ms; memory ${memory} MB`,
+    );
+  }
+}
+
 /**
  * @param {string} what
  * @param {number} decode
@@ -75,6 +101,10 @@ const stream = new Uint8Array(readFileSync(file));
 const decoder = await Decoder.create();
 decoder.open(streamHeader(stream));
 const packets = packetsByWalking(decoder, stream).map(({ bytes }) => bytes);
+if (isv === '--parts') {
+  compareParts();
+  process.exit(0);
+}
 const runs = Array.from({ length: RUNS });
 const decode = meanOfBest(runs.map(() => run(decoder, packets, { surface: false })));
 const both = meanOfBest(runs.map(() => run(decoder, packets, { normals: true })));

@@ -5,19 +5,21 @@
 // |A| is at least a fifth of S the surface is open, as a depth take is: the camera then stands along A, which is where the cameras of
 // the take stood. Otherwise it stands in front.
 
+import { piecesOf } from './parts.js';
+
 /** Part of the surface's area that |A| reaches where the surface counts as open. */
 export const OPEN_PART = 0.2;
 /** Most triangles that are looked at. */
 const MOST_TRIANGLES = 200_000;
 
 /**
- * The sum of area vectors, and the area, of evenly chosen triangles.
+ * The sum of area vectors, and the area, of every so many triangles.
  * @param {{ positions: Float32Array, indices: Uint32Array }} surface
+ * @param {number} step
  * @returns {{ vector: [number, number, number], area: number }}
  */
-export function areaVector({ positions, indices }) {
+function areaVector({ positions, indices }, step) {
   const triangles = indices.length / 3;
-  const step = Math.max(1, Math.ceil(triangles / MOST_TRIANGLES));
   let [x, y, z, area] = [0, 0, 0, 0];
   for (let triangle = 0; triangle < triangles; triangle += step) {
     const [a, b, c] = [3 * indices[3 * triangle], 3 * indices[3 * triangle + 1], 3 * indices[3 * triangle + 2]];
@@ -34,13 +36,22 @@ export function areaVector({ positions, indices }) {
 
 /**
  * The direction, in the axes of the capture, from which an open surface shows its front.
- * @param {{ positions: Float32Array, indices: Uint32Array }} surface
+ * @param {import('./parts.js').Drawn} frame
  * @returns {[number, number, number] | null} a unit vector; null where the surface is closed, or there is none
  */
-export function facingOf(surface) {
-  const { vector, area } = areaVector(surface);
-  const length = Math.hypot(...vector);
+export function facingOf(frame) {
+  const pieces = piecesOf(frame);
+  const triangles = pieces.reduce((sum, { indices }) => sum + indices.length / 3, 0);
+  const step = Math.max(1, Math.ceil(triangles / MOST_TRIANGLES));
+  let [x, y, z, area] = [0, 0, 0, 0];
+  for (const piece of pieces) {
+    const { vector, area: more } = areaVector(piece, step);
+    x += vector[0];
+    y += vector[1];
+    z += vector[2];
+    area += more;
+  }
+  const length = Math.hypot(x, y, z);
   if (!(area > 0) || length < OPEN_PART * area) return null;
-  const [x, y, z] = vector;
   return [x / length, y / length, z / length];
 }

@@ -1,6 +1,7 @@
 // A decoder in a worker, as the side that deals work to it sees it.
 
 import { IsvFailure } from './failure.js';
+import { PartedSurface } from './parts.js';
 
 /** Surfaces asked of a worker before it has answered: enough that it never waits for this thread, few enough to fit beside the ring. */
 const SURFACES = 6;
@@ -42,6 +43,7 @@ export class Lane {
   /** Frames on their way that will come with a surface. @type {Set<number>} */
   coming = new Set();
   #port;
+  #surface = new PartedSurface();
   /** Packets not answered yet. */
   #waiting = 0;
   /** Who waits for room. @type {(() => void)[]} */
@@ -112,6 +114,8 @@ export class Lane {
     if (answer.is === 'broken')
       return on.broken(new IsvFailure('unsupported', `the decoder cannot be started: ${answer.message}`));
     const current = answer.run === this.#generation;
+    // What is given up has moved the decoder on, too.
+    if (answer.is === 'done' && answer.mesh) answer.mesh = this.#surface.complete(answer.mesh);
     if (current) {
       this.#waiting--;
       this.coming.delete(answer.frame);

@@ -41,6 +41,16 @@
  */
 
 /**
+ * The parts of a surface that are others than in the last frame whose surface came in parts. The arrays of the frame are theirs, one
+ * part after the other. A part's vertices are its own, and its indices count from the first of them.
+ * @typedef {object} PartChanges
+ * @property {Int32Array} changed Five a part: x, y, z of its lowest block, in blocks; its vertices; its triangles.
+ * @property {Int32Array} removed Three a part that is gone: x, y, z of its lowest block.
+ * @property {number} count Parts that there are now.
+ * @property {boolean} fresh Whether there were none before: those of earlier frames are gone.
+ */
+
+/**
  * A decoded frame. The arrays are the caller's, and nothing else refers to their buffers: they can be transferred.
  * @typedef {object} DecodedFrame
  * @property {number} timestampNs When it is shown, in nanoseconds.
@@ -51,6 +61,7 @@
  * @property {Uint8Array} colours Red, green, blue of each vertex, 8-bit sRGB; empty in streams without colour, grey where a frame has none.
  * @property {Uint32Array} indices Three vertices a triangle, counter-clockwise seen from outside.
  * @property {BlockDetails} [blocks] Only if details were wanted.
+ * @property {PartChanges | null} changes Which parts of the surface the arrays are; null if they are all of it.
  * @property {number} decodeMs How long decoding took, in milliseconds.
  * @property {number} surfaceMs How long the surface took after that.
  */
@@ -62,6 +73,8 @@
  * @property {boolean} [surface] Whether the surface is extracted; it is, unless this says otherwise.
  * @property {boolean} [normals] Whether vertices get normals.
  * @property {boolean} [details] Whether to tell how the blocks are coded.
+ * @property {number} [parts] Blocks of a frame from which on its surface comes in parts, of which those that have changed, without
+ *   colours. No frame's does, unless this says otherwise.
  */
 
 /**
@@ -233,7 +246,7 @@ export class Decoder {
    * @returns {DecodedFrame}
    * @throws {IsvError}
    */
-  decode(packet, { at = 0, surface = true, normals = false, details = false } = {}) {
+  decode(packet, { at = 0, surface = true, normals = false, details = false, parts = Infinity } = {}) {
     return this.#run(() => {
       const exports = this.#exports;
       this.#give(packet);
@@ -241,21 +254,25 @@ export class Decoder {
       const begun = performance.now();
       this.#check(exports.isv_decode(at));
       const decoded = performance.now();
+      const inParts = surface && exports.isv_frame_blocks() >= parts;
       if (surface) {
-        this.#check(exports.isv_surface(normals ? 1 : 0));
+        const extract = inParts ? exports.isv_surface_parts : exports.isv_surface;
+        this.#check(extract(normals ? 1 : 0));
       }
       const surfaced = performance.now();
       const vertices = surface ? exports.isv_vertex_count() : 0;
       const triangles = surface ? exports.isv_triangle_count() : 0;
+      const hasColours = this.#hasColour && !inParts;
       return {
         timestampNs: exports.isv_timestamp(),
         keyframe: exports.isv_keyframe() !== 0,
         inexactBlocks: exports.isv_inexact_blocks(),
         positions: this.#copy(Float32Array, exports.isv_vertices(), 3 * vertices),
         normals: this.#copy(Float32Array, exports.isv_normals(), normals ? 3 * vertices : 0),
-        colours: this.#copy(Uint8Array, exports.isv_colours(), this.#hasColour ? 3 * vertices : 0),
+        colours: this.#copy(Uint8Array, exports.isv_colours(), hasColours ? 3 * vertices : 0),
         indices: this.#copy(Uint32Array, exports.isv_triangles(), 3 * triangles),
         ...(details ? { blocks: this.#blocks() } : {}),
+        changes: inParts ? this.#changes() : null,
         decodeMs: decoded - begun,
         surfaceMs: surfaced - decoded,
       };
@@ -290,6 +307,20 @@ export class Decoder {
       places: this.#copy(Int32Array, exports.isv_blocks(), 4 * count),
       bits: this.#copy(Float32Array, exports.isv_block_bits(), count),
       motion: this.#copy(Float32Array, exports.isv_block_motion(), 3 * count),
+    };
+  }
+
+  /**
+   * Which parts of the surface the last call has extracted.
+   * @returns {PartChanges}
+   */
+  #changes() {
+    const exports = this.#exports;
+    return {
+      changed: this.#copy(Int32Array, exports.isv_changed_parts(), 5 * exports.isv_changed_part_count()),
+      removed: this.#copy(Int32Array, exports.isv_removed_parts(), 3 * exports.isv_removed_part_count()),
+      count: exports.isv_part_count(),
+      fresh: exports.isv_parts_are_fresh() !== 0,
     };
   }
 

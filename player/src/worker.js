@@ -3,6 +3,7 @@
 
 import { Decoder, IsvError } from './wasm.js';
 import { bitsOfVertices } from './block-bits.js';
+import { boundsOf, boundsOfParts } from './bounds.js';
 import { words } from './failure.js';
 
 /**
@@ -25,6 +26,9 @@ import { words } from './failure.js';
 /**
  * A frame that can be drawn.
  * @typedef {object} Frame
+ * @property {number} triangles how many it has
+ * @property {Parts | null} parts the parts of its surface, by place, of a large scene without colour: it shares those that stand still
+ *   with the frames beside it. `positions`, `normals` and `indices` are empty then. Null of other frames
  * @property {Float32Array} positions x, y, z of each vertex in metres
  * @property {Float32Array} normals unit normal of each vertex
  * @property {Uint8Array} colours red, green, blue of each vertex, 8-bit sRGB; empty in streams without colour
@@ -43,14 +47,25 @@ import { words } from './failure.js';
  */
 
 /**
+ * @typedef {import('./parts.js').Parts} Parts
+ * @typedef {import('./parts.js').SurfaceChanges} SurfaceChanges
+ */
+
+/**
  * What a worker says. `done` answers each packet; it has a frame if a surface was wanted, and there was all of it once. `lost`: the packet cannot be decoded, and
  * what waited of the same run is forgotten; `refused` is set if it is sound but needs too much memory, and `blocks` says how many
  * blocks it has, if that is known. `memoryBytes`: the decoder's memory. `broken`: the worker cannot go on.
  * @typedef {{ is: 'ready' }} Ready
- * @typedef {{ is: 'done', run: number, frame: number, mesh: Frame | null, memoryBytes?: number }} Done
+ * A frame of which parts have changed has them in `changes`, and {@link Frame.parts} is not known yet.
+ * @typedef {{ is: 'done', run: number, frame: number, mesh: Frame & { changes?: SurfaceChanges | null } | null, memoryBytes?: number }} Done
  * @typedef {{ is: 'lost', run: number, frame: number, message: string, refused?: boolean, blocks?: number }} Lost
  * @typedef {Ready | Done | Lost | { is: 'broken', message: string }} Answer
  */
+
+/** Blocks of a frame from which on its surface is kept in parts. A person at 5 mm has 2,000. */
+const PARTS_FROM = 16_384;
+/** Share of the parts that change in a frame from which on it is faster to extract the surface as a whole. */
+const RESTLESS = 0.5;
 
 /** The part of a worker's global scope that is used. */
 const scope = /** @type {{ postMessage(answer: Answer, transfer?: Transferable[]): void, onmessage: unknown }} */ (
@@ -65,6 +80,8 @@ let facts = null;
 let waiting = [];
 /** Whether a frame was what was encoded. Who comes into a stream at a resilient frame has only parts of it at first. */
 let whole = false;
+/** Whether most parts of the surface change from frame to frame, as far as is known since the keyframe. */
+let restless = false;
 /** The run whose packets cannot be decoded any more. */
 let lostRun = -1;
 const turns = new MessageChannel();
@@ -101,7 +118,9 @@ function decode({ run, frame, packet, at, surface, details, stream, header }) {
   if (!decoder || !facts) return;
   try {
     if (header) facts = decoder.open(header);
-    const decoded = decoder.decode(packet, { at, surface, normals: true, details });
+    const parts = details || facts.colour || restless ? Infinity : PARTS_FROM;
+    const decoded = decoder.decode(packet, { at, surface, normals: true, details, parts });
+    noteChanges(decoded);
     const { memoryBytes } = decoder;
     whole ||= decoded.inexactBlocks === 0;
     if (!surface || !whole) return scope.postMessage({ is: 'done', run, frame, mesh: null, memoryBytes });
@@ -114,37 +133,27 @@ function decode({ run, frame, packet, at, surface, details, stream, header }) {
   }
 }
 
-/** @param {import('./wasm.js').DecodedFrame} decoded @param {import('./wasm.js').StreamFacts} facts @param {number} packetBytes @param {number} stream @returns {Frame} */
-function finished({ blocks, ...decoded }, facts, packetBytes, stream) {
-  const { positions } = decoded;
+/** Notes whether it pays to go on with parts. @param {import('./wasm.js').DecodedFrame} decoded */
+function noteChanges({ keyframe, changes }) {
+  if (keyframe) restless = false;
+  else if (changes && !changes.fresh) restless = changes.changed.length / 5 > RESTLESS * changes.count;
+}
+
+/** @param {import('./wasm.js').DecodedFrame} decoded @param {import('./wasm.js').StreamFacts} facts @param {number} packetBytes @param {number} stream @returns {Frame & { changes: SurfaceChanges | null }} */
+function finished({ blocks, changes, ...decoded }, facts, packetBytes, stream) {
+  const { positions, indices } = decoded;
   const details = blocks ? { ...blocks, vertexBits: bitsOfVertices(positions, blocks, facts) } : null;
-  const mesh = { ...decoded, bounds: boundsOf(positions), details, packetBytes, stream, bytes: 0 };
+  const bounds = changes ? /** @type {Frame['bounds']} */ ([0, 0, 0, 0, 0, 0]) : boundsOf(positions);
+  const more = { bounds, details, packetBytes, stream, triangles: indices.length / 3, parts: null, bytes: 0 };
+  const mesh = { ...decoded, ...more, changes: changes && { ...changes, bounds: boundsOfParts(positions, changes) } };
   mesh.bytes = buffersOf(mesh).reduce((bytes, buffer) => bytes + buffer.byteLength, 0);
   return mesh;
 }
 
-/** @param {Frame} mesh @returns {ArrayBuffer[]} */
-function buffersOf({ positions, normals, colours, indices, details }) {
+/** @param {Frame & { changes: SurfaceChanges | null }} mesh @returns {ArrayBuffer[]} */
+function buffersOf({ positions, normals, colours, indices, details, changes }) {
   const arrays = [positions, normals, colours, indices];
   const more = details ? [details.places, details.bits, details.motion, details.vertexBits] : [];
-  return [...arrays, ...more].map((array) => /** @type {ArrayBuffer} */ (array.buffer));
-}
-
-/** @param {Float32Array} positions @returns {Frame['bounds']} */
-function boundsOf(positions) {
-  if (positions.length === 0) return [0, 0, 0, 0, 0, 0];
-  let [left, low, back] = positions;
-  let [right, high, front] = positions;
-  for (let at = 3; at < positions.length; at += 3) {
-    const x = positions[at];
-    const y = positions[at + 1];
-    const z = positions[at + 2];
-    if (x < left) left = x;
-    if (x > right) right = x;
-    if (y < low) low = y;
-    if (y > high) high = y;
-    if (z < back) back = z;
-    if (z > front) front = z;
-  }
-  return [left, low, back, right, high, front];
+  const parts = changes ? [changes.changed, changes.removed, changes.bounds] : [];
+  return [...arrays, ...more, ...parts].map((array) => /** @type {ArrayBuffer} */ (array.buffer));
 }

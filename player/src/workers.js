@@ -216,8 +216,9 @@ export class DecodeAhead {
     const frames = this.#gops.frames;
     const mean = this.#ring.meanBytes;
     if (!mean) return Math.min(frames, FIRST_WINDOW);
-    if (mean * frames * 1.05 <= this.#ring.budget) return frames;
-    return Math.min(frames, Math.max(2, Math.floor((this.#ring.budget * AHEAD_PART) / mean)));
+    const room = this.#ring.limit - this.#ring.sharedBytes;
+    if (mean * frames * 1.05 <= room) return frames;
+    return Math.min(frames, Math.max(2, Math.floor((room * AHEAD_PART) / mean)));
   }
 
   /** The frames that are wanted, as spans, most urgent first. @returns {[number, number][]} */

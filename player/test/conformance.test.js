@@ -17,7 +17,7 @@ const MODULES = [
   { of: 'committed', bytes: COMMITTED },
   ...(FRESH === undefined ? [] : [{ of: 'fresh', bytes: readFileSync(FRESH) }]),
 ];
-const MOST_COMPRESSED_BYTES = 430_000;
+const MOST_COMPRESSED_BYTES = 450_000;
 
 const HASHES = readFileSync(new URL('hashes.txt', CONFORMANCE), 'utf8');
 const NAMES = readdirSync(CONFORMANCE).filter((name) => name.endsWith('.isv'));

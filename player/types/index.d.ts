@@ -29,8 +29,27 @@ export interface BlockDetails {
   vertexBits: Float32Array;
 }
 
+/** A part of a scene's surface. Its mesh stands alone: vertices at its border are in the parts beside it, too. */
+export interface SurfacePart {
+  /** x, y, z of each vertex in metres. */
+  positions: Float32Array;
+  /** Unit normal of each vertex. */
+  normals: Float32Array;
+  /** Three vertices a triangle, counted from the part's first. */
+  indices: Uint32Array;
+  /** Smallest x, y, z and largest. */
+  bounds: Float32Array;
+}
+
 /** A decoded frame. */
 export interface Frame {
+  /** Triangles that it has. */
+  triangles: number;
+  /**
+   * The parts of its surface, by place, of a large scene without colour: 16,384 blocks or more. A part that stands still is the same
+   * object in the next frame. `positions`, `normals` and `indices` are empty then. Null of other frames.
+   */
+  parts: Map<string, SurfacePart> | null;
   /** x, y, z of each vertex in metres. */
   positions: Float32Array;
   /** Unit normal of each vertex. */

@@ -74,7 +74,7 @@ function factsOf({ facts, live, error }) {
 /** @param {IsvPlayer} player @returns {Record<string, string>} */
 function streamFigures(player) {
   const { shown, source, live, ahead } = player;
-  const triangles = shown ? asCount(shown.indices.length / 3) : '';
+  const triangles = shown ? asCount(shown.triangles) : '';
   const frame = shown ? `${asBytes(shown.packetBytes)}${shown.keyframe ? ' key' : ''}` : '';
   if (live) {
     return {

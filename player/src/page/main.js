@@ -152,8 +152,8 @@ class Page {
   fit() {
     const box = new Box3();
     for (const { mesh, shown } of this.players)
-      if (shown?.indices.length && mesh.geometry.boundingBox) box.union(mesh.geometry.boundingBox);
-    const first = this.players.find(({ shown }) => shown?.indices.length)?.shown;
+      if (shown?.triangles && mesh.geometry.boundingBox) box.union(mesh.geometry.boundingBox);
+    const first = this.players.find(({ shown }) => shown?.triangles)?.shown;
     const facing = first ? facingOf(first) : null;
     this.#open = facing !== null;
     this.stage.fit(box, facing);
@@ -252,7 +252,7 @@ class Page {
   #turn(now) {
     requestAnimationFrame((next) => this.#turn(next));
     for (const player of this.players) if (player.update(now)) this.stage.stale = true;
-    if (!this.#framed && this.players.some(({ shown }) => shown?.indices.length)) {
+    if (!this.#framed && this.players.some(({ shown }) => shown?.triangles)) {
       this.#framed = true;
       this.stage.covered = innerHeight - byId('foot').getBoundingClientRect().top;
       this.fit();

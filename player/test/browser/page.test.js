@@ -14,6 +14,7 @@ import {
   largeStream,
   parsePng,
   rendered,
+  sceneStream,
   serving,
   viewed,
 } from '../support/native.js';
@@ -77,6 +78,38 @@ describe('the page', { skip }, () => {
     );
     assert.deepEqual(positions, Array.from(native.positions.subarray(0, 300)), `frame ${frame}`);
   }
+
+  test('a large scene is shown in parts, which frames share', async () => {
+    server.files.set('scene.isv', sceneStream(4));
+    const { page, errors } = await open('?src=files/scene.isv&paused');
+    const look = () =>
+      page.evaluate(() => {
+        const { shown, mesh, ahead } = /** @type {any} */ (globalThis).isv.players[0];
+        const { drawn } = mesh.geometry;
+        let real = 0;
+        for (let at = 0; at < drawn.length; at += 3)
+          real += Number(drawn[at] !== drawn[at + 1] && drawn[at + 1] !== drawn[at + 2] && drawn[at + 2] !== drawn[at]);
+        const { parts, triangles, bounds } = shown;
+        return { parts: parts?.size ?? 0, triangles, real, bounds, bytes: ahead.bytes, held: ahead.held };
+      });
+    await shows(page, 0);
+    const first = await look();
+    assert.ok(first.parts > 100 && first.real === first.triangles && first.triangles > 1_000_000, JSON.stringify(first));
+    for (const frame of [3, 1, 2]) {
+      await page.evaluate((frame) => /** @type {any} */ (globalThis).isv.players[0].seek(frame), frame);
+      await shows(page, frame);
+    }
+    const last = await look();
+    assert.ok(last.real === last.triangles && last.held === 4, JSON.stringify(last));
+    assert.ok(last.bytes < 1.5 * first.bytes, 'the floor is in memory once');
+    // Views of blocks take whole surfaces, which are the same.
+    await page.evaluate(() => (/** @type {any} */ (globalThis).isv.players[0].details = true));
+    const whole = () => /** @type {any} */ (globalThis).isv.players[0].shown?.parts === null;
+    await page.waitForFunction(whole, undefined, { timeout: 60_000, polling: 20 });
+    const { triangles, bounds, parts, real } = await look();
+    assert.deepEqual({ triangles, bounds, parts, real }, { triangles: last.triangles, bounds: last.bounds, parts: 0, real: last.real });
+    assert.deepEqual(errors, []);
+  });
 
   test('plays', async () => {
     const { page, errors } = await open('?src=/files/blob.isv');

@@ -8,6 +8,7 @@ import { fileURLToPath } from 'node:url';
 import { inflateSync } from 'node:zlib';
 import { writeBlob } from './blob.js';
 import { writeDepthTake } from './depth-take.js';
+import { writeScene } from './scene.js';
 
 /** The program: the environment's `ISV_BIN`, or none. */
 export const ISV_BIN = process.env.ISV_BIN && existsSync(process.env.ISV_BIN) ? resolve(process.env.ISV_BIN) : null;
@@ -45,6 +46,12 @@ export function blobStream(frames, { paint, gop = frames } = {}) {
 /** A frame of a ball of more than 131,072 blocks, as coarse as that allows. @returns {Uint8Array} */
 export function largeStream() {
   return encoded((folder) => writeBlob(folder, 1), ['--voxel', '1.1mm', '--backend', 'cpu']);
+}
+
+/** A stream of a scene that is shown in parts. @param {number} frames @returns {Uint8Array} */
+export function sceneStream(frames) {
+  const words = ['--voxel', '2cm', '--gop', String(frames), '--preset', 'realtime', '--backend', 'cpu'];
+  return encoded((folder) => writeScene(folder, frames), words);
 }
 
 /** A stream of a depth camera's take. @returns {Uint8Array} */

@@ -56,7 +56,7 @@ export function state(page, player = 0) {
       frames,
       playing,
       vertices: shown ? shown.positions.length / 3 : 0,
-      triangles: shown ? shown.indices.length / 3 : 0,
+      triangles: shown ? shown.triangles : 0,
       drawn: mesh.geometry.drawRange.count / 3,
       positions: shown ? Array.from(shown.positions.subarray(0, 300)) : [],
     };

@@ -233,6 +233,57 @@ extern "C" fn isv_surface(normals: u32) -> Status {
     })
 }
 
+/// Extracts the parts of the last frame's surface that changed since the last call, with normals if that is not 0, without colours.
+#[unsafe(no_mangle)]
+extern "C" fn isv_surface_parts(normals: u32) -> Status {
+    with(|session| {
+        let result = session.extract_parts(normals != 0);
+        session.report(result)
+    })
+}
+
+/// Whether the surface had no parts before: those of earlier frames are gone.
+#[unsafe(no_mangle)]
+extern "C" fn isv_parts_are_fresh() -> u32 {
+    with(|session| u32::from(session.surface().is_fresh))
+}
+
+/// Parts that the surface has.
+#[unsafe(no_mangle)]
+extern "C" fn isv_part_count() -> usize {
+    with(|session| session.surface().part_count)
+}
+
+/// Parts that changed. Their vertices, normals and triangles follow one another; a part's triangles count from its first vertex.
+#[unsafe(no_mangle)]
+extern "C" fn isv_changed_part_count() -> usize {
+    with(|session| session.surface().changed.len())
+}
+
+/// Five numbers of each of these: x, y and z in blocks of its lowest block, its vertices, its triangles.
+#[unsafe(no_mangle)]
+extern "C" fn isv_changed_parts() -> *const i32 {
+    with(|session| session.surface().changed.as_ptr().cast())
+}
+
+/// Parts that are gone.
+#[unsafe(no_mangle)]
+extern "C" fn isv_removed_part_count() -> usize {
+    with(|session| session.surface().removed.len())
+}
+
+/// x, y and z in blocks of the lowest block of each of these.
+#[unsafe(no_mangle)]
+extern "C" fn isv_removed_parts() -> *const i32 {
+    with(|session| session.surface().removed.as_ptr().cast())
+}
+
+/// Blocks of the last frame.
+#[unsafe(no_mangle)]
+extern "C" fn isv_frame_blocks() -> usize {
+    with(|session| session.frame_blocks())
+}
+
 /// Positions of the surface's vertices in metres, x, y, z each.
 #[unsafe(no_mangle)]
 extern "C" fn isv_vertices() -> *const f32 {

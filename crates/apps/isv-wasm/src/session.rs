@@ -233,6 +233,20 @@ impl Session {
         Ok(self.surface.extract(volume, colour, normals, self.voxels / VOXELS_A_VERTEX)?)
     }
 
+    /// Extracts the parts of the last frame's surface that changed since the last call, without colours. A stream that is opened begins
+    /// without parts.
+    pub(crate) fn extract_parts(&mut self, normals: bool) -> Result<(), SessionError> {
+        let stream = self.stream.as_ref().filter(|stream| stream.frame.is_some());
+        let volume = stream.and_then(|stream| stream.decoder.volume());
+        let volume = volume.ok_or(SessionError::Order("a surface before a frame was decoded"))?;
+        Ok(self.surface.extract_parts(volume, normals, self.voxels / VOXELS_A_VERTEX)?)
+    }
+
+    /// Blocks of the last frame.
+    pub(crate) fn frame_blocks(&self) -> usize {
+        self.volume().map_or(0, |volume| volume.coords().len())
+    }
+
     /// The surface that was extracted last.
     pub(crate) fn surface(&self) -> &Surface {
         &self.surface

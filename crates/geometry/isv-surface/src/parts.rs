@@ -4,9 +4,8 @@ use crate::extract::{BlockShare, SurfaceOptions, TooManyVertices, extract_blocks
 use isv_volume::{BlockCell, BlockCoord, BlockSet, SparseVolume, TriangleMesh, VoxelMask};
 use rayon::prelude::*;
 use std::cmp::Ordering;
-use std::collections::{BTreeMap, HashMap, btree_map};
+use std::collections::{BTreeMap, HashMap, HashSet, btree_map};
 use std::iter::Peekable;
-use std::mem::take;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -55,7 +54,7 @@ pub struct SurfaceParts {
 
 #[derive(Clone, Debug)]
 struct Part {
-    /// Empty once it was taken.
+    /// Empty once it was handed over.
     mesh: Arc<TriangleMesh>,
     /// Vertices that the mesh has or had.
     vertices: usize,
@@ -94,6 +93,47 @@ impl SurfaceParts {
         volume: &SparseVolume,
         limit: usize,
     ) -> Result<PartChanges, TooManyVertices> {
+        let mut new = BTreeMap::new();
+        let removed = self.advance(volume, limit, |parts| new.extend(parts))?;
+        let changed = new.keys().map(|code| corner(*code)).collect();
+        self.parts.extend(new);
+        Ok(PartChanges { changed, removed })
+    }
+
+    /// Takes the next volume, as [`Self::update_within`], for a caller that keeps the meshes itself: `part` gets each one that changed,
+    /// by its block with the lowest coordinates, in order. Here the parts are empty from then on. Returns the parts that have no
+    /// triangles any more.
+    ///
+    /// # Errors
+    /// [`TooManyVertices`], perhaps after some parts were given. The surface is that of nothing again.
+    pub fn hand_over(
+        &mut self,
+        volume: &SparseVolume,
+        limit: usize,
+        mut part: impl FnMut(BlockCoord, TriangleMesh),
+    ) -> Result<Vec<BlockCoord>, TooManyVertices> {
+        let mut new = Vec::new();
+        let removed = self.advance(volume, limit, |parts| {
+            for (code, Part { mesh, vertices }) in parts {
+                part(corner(code), Arc::unwrap_or_clone(mesh));
+                new.push((code, Part { mesh: Arc::default(), vertices }));
+            }
+        });
+        match &removed {
+            Ok(_) => self.parts.extend(new),
+            Err(_) => *self = Self::new(self.options),
+        }
+        removed
+    }
+
+    /// Finds the parts of the next volume that are others than before, and takes out those that are gone. `found` gets the new ones, run
+    /// by run.
+    fn advance(
+        &mut self,
+        volume: &SparseVolume,
+        limit: usize,
+        mut found: impl FnMut(BTreeMap<u64, Part>),
+    ) -> Result<Vec<BlockCoord>, TooManyVertices> {
         let before = self.volume.as_ref().filter(|(before, _)| before.grid() == volume.grid());
         let (blocks, stale) = match before {
             Some((before, blocks)) => {
@@ -112,7 +152,7 @@ impl SurfaceParts {
             |code: &u64| before.is_some() && stale.cells().binary_search_by_key(code, |c| c.code).is_err();
         let mut vertices: usize =
             self.parts.iter().filter(|(code, _)| kept(code)).map(|(_, part)| part.vertices).sum();
-        let mut new = BTreeMap::new();
+        let mut new = HashSet::new();
         for cells in own.cells().chunks(PARTS_AT_ONCE) {
             let own: BlockSet = cells.iter().copied().collect();
             // With the blocks beside them, which vertices and normals depend on.
@@ -121,19 +161,18 @@ impl SurfaceParts {
             let parts = extract_parts(&around, self.options, &own, limit.saturating_sub(vertices))
                 .map_err(|error| TooManyVertices { vertices: vertices + error.vertices, limit })?;
             vertices += parts.values().map(|part| part.vertices).sum::<usize>();
-            new.extend(parts);
+            new.extend(parts.keys().copied());
+            found(parts);
         }
 
-        let removed = self.parts.keys().filter(|code| !kept(code) && !new.contains_key(code)).copied();
+        let removed = self.parts.keys().filter(|code| !kept(code) && !new.contains(code)).copied();
         let removed: Vec<_> = removed.collect();
         removed.iter().for_each(|code| drop(self.parts.remove(code)));
-        let changed = new.keys().map(|code| corner(*code)).collect();
-        self.parts.extend(new);
         self.volume = Some((volume.clone(), blocks));
-        Ok(PartChanges { changed, removed: removed.into_iter().map(corner).collect() })
+        Ok(removed.into_iter().map(corner).collect())
     }
 
-    /// The parts in Morton order, each with its block of the lowest coordinates. None is empty but those that were taken.
+    /// The parts in Morton order, each with its block of the lowest coordinates. None is empty but those that were handed over.
     pub fn iter(&self) -> impl Iterator<Item = (BlockCoord, &Arc<TriangleMesh>)> {
         self.parts.iter().map(|(code, part)| (corner(*code), &part.mesh))
     }
@@ -142,12 +181,6 @@ impl SurfaceParts {
     #[must_use]
     pub fn part(&self, block: BlockCoord) -> Option<&Arc<TriangleMesh>> {
         Some(&self.parts.get(&BlockCell::containing(block).code)?.mesh)
-    }
-
-    /// Takes the mesh of a part, as [`Self::part`] names it, for a caller that keeps meshes elsewhere. The part is empty from then on,
-    /// until it changes.
-    pub fn take(&mut self, block: BlockCoord) -> Option<Arc<TriangleMesh>> {
-        Some(take(&mut self.parts.get_mut(&BlockCell::containing(block).code)?.mesh))
     }
 }
 

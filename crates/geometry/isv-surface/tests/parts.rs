@@ -3,7 +3,7 @@
 mod volumes;
 
 use glam::DVec3;
-use isv_surface::{SurfaceOptions, SurfaceParts, extract_surface};
+use isv_surface::{PartChanges, SurfaceOptions, SurfaceParts, extract_surface};
 use isv_volume::{BlockCoord, BlockOrigin, SparseVolume, TriangleMesh, VolumeBuilder, VoxelMask};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
@@ -180,22 +180,28 @@ fn more_parts_than_are_extracted_at_once_are_the_whole_surface() {
 }
 
 #[test]
-fn a_part_that_was_taken_is_empty_until_it_changes() {
+fn parts_can_be_handed_over() {
     let sphere = |x: f64| sample(grid(8), 0.4, move |p| p.distance(DVec3::new(x, 0.0, 0.0)) - 0.2);
-    let mut parts = SurfaceParts::new(SurfaceOptions::default());
-    let changed = parts.update(&sphere(0.0)).changed;
-    let whole = meshes(&parts);
-    let taken: Vec<_> = changed.iter().map(|place| (*place, parts.take(*place).unwrap())).collect();
-    assert!(taken == whole);
-    assert!(parts.iter().all(|(_, mesh)| mesh.triangles.is_empty()));
-    // What is kept elsewhere counts in the limit, too.
-    assert_eq!(parts.update_within(&sphere(0.0), 0), Ok(Default::default()));
-    let vertices: usize = whole.iter().map(|(_, mesh)| mesh.vertices.len()).sum();
-    assert!(parts.update_within(&sphere(0.02), vertices / 2).is_err());
-    let changed = parts.update(&sphere(0.02)).changed;
-    let mut anew = SurfaceParts::new(SurfaceOptions::default());
-    anew.update(&sphere(0.02));
-    for place in changed {
-        assert!(parts.part(place) == anew.part(place));
+    let (mut kept, mut given) = [(); 2].map(|()| SurfaceParts::new(SurfaceOptions::default())).into();
+    let mut theirs: BTreeMap<u64, TriangleMesh> = BTreeMap::new();
+    for x in [0.0, 0.02, 0.02, 0.3] {
+        let PartChanges { changed, removed } = kept.update(&sphere(x));
+        let mut places = Vec::new();
+        let gone = given.hand_over(&sphere(x), usize::MAX, |place, mesh| {
+            places.push(place);
+            theirs.insert(place.morton().0, mesh);
+        });
+        assert!(gone.as_ref() == Ok(&removed) && places == changed);
+        removed.iter().for_each(|place| drop(theirs.remove(&place.morton().0)));
+        assert!(theirs.values().eq(kept.iter().map(|(_, mesh)| &**mesh)));
+        assert!(given.iter().map(|(place, _)| place).eq(kept.iter().map(|(place, _)| place)));
+        assert!(given.iter().all(|(_, mesh)| mesh.triangles.is_empty()));
     }
+    // Vertices that are kept elsewhere count. After an error all parts are new.
+    let vertices: usize = theirs.values().map(|mesh| mesh.vertices.len()).sum();
+    assert_eq!(given.hand_over(&sphere(0.3), 0, |_, _| {}), Ok(vec![]));
+    assert!(given.hand_over(&sphere(0.31), vertices / 2, |_, _| {}).is_err());
+    let mut count = 0;
+    given.hand_over(&sphere(0.3), vertices, |_, _| count += 1).unwrap();
+    assert_eq!(count, kept.iter().count());
 }

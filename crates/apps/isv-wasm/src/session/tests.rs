@@ -94,6 +94,68 @@ fn the_surface_is_that_of_the_volume_in_single_precision() {
     }
 }
 
+#[test]
+fn parts_that_changed_make_up_the_surface() {
+    let stream = stream("main_inter.isv");
+    let mut session = opened(&stream);
+    let mut parts = std::collections::BTreeMap::new();
+    let frames = packets(&stream).into_iter().filter(|(_, bytes)| bytes.len() > 300);
+    for (number, packet) in frames.enumerate() {
+        assert_eq!(decode(&mut session, packet), Status::Done, "{}", session.message());
+        session.extract_parts(true).unwrap();
+        let Surface { changed, removed, vertices, normals, triangles, part_count, is_fresh, .. } =
+            session.surface();
+        assert_eq!(*is_fresh, number == 0);
+        removed.iter().for_each(|place| assert!(parts.remove(place).is_some()));
+        let (mut vertex, mut triangle) = (0, 0);
+        for [x, y, z, vertex_count, triangle_count] in changed.iter().copied() {
+            let corner = |v: u32| (vertices[vertex + v as usize], normals[vertex + v as usize]);
+            let own = &triangles[triangle..triangle + triangle_count as usize];
+            let corners: Vec<_> = own.iter().map(|triangle| triangle.map(corner)).collect();
+            parts.insert([x, y, z], corners);
+            vertex += vertex_count as usize;
+            triangle += triangle_count as usize;
+        }
+        assert_eq!((vertex, triangle, parts.len()), (vertices.len(), triangles.len(), *part_count));
+        let mut in_parts: Vec<_> = parts.values().flatten().map(|corners| bits(corners)).collect();
+        session.extract_surface(true).unwrap();
+        let Surface { vertices, normals, triangles, .. } = session.surface();
+        let corner = |v: u32| (vertices[v as usize], normals[v as usize]);
+        let mut whole: Vec<_> = triangles.iter().map(|triangle| bits(&triangle.map(corner))).collect();
+        in_parts.sort_unstable();
+        whole.sort_unstable();
+        assert!(in_parts == whole, "frame {number}");
+    }
+    assert!(parts.len() > 1);
+    give(&mut session, &stream[..StreamHeader::BYTES]);
+    session.open().unwrap();
+    assert_eq!(decode(&mut session, packets(&stream)[0]), Status::Done);
+    session.extract_parts(true).unwrap();
+    assert!(session.surface().is_fresh);
+}
+
+/// The corners of a triangle with their normals, to the last bit.
+fn bits(corners: &[([f32; 3], [f32; 3]); 3]) -> Vec<u32> {
+    corners.iter().flat_map(|(vertex, normal)| [*vertex, *normal].concat()).map(f32::to_bits).collect()
+}
+
+#[test]
+fn a_surface_that_is_too_large_leaves_no_parts() {
+    let stream = stream("main_inter.isv");
+    let mut session = opened(&stream);
+    assert_eq!(decode(&mut session, packets(&stream)[0]), Status::Done);
+    session.extract_parts(false).unwrap();
+    let changed = session.surface().changed.clone();
+    session.limit(1, true);
+    assert_eq!(decode(&mut session, packets(&stream)[1]), Status::Done);
+    let result = session.extract_parts(false);
+    assert_eq!(session.report(result), Status::Limit);
+    session.limit(DEFAULT_VOXELS, true);
+    assert_eq!(decode(&mut session, packets(&stream)[0]), Status::Done);
+    session.extract_parts(false).unwrap();
+    assert!(session.surface().is_fresh && session.surface().changed == changed);
+}
+
 /// A stream of a ball that moves, in colours of places, with a keyframe every third frame.
 fn coloured_stream(frames: u32) -> Vec<u8> {
     let grid = Grid {
