@@ -1,6 +1,7 @@
 //! Python's files and sockets as Rust's.
 
 use crate::errors;
+use pyo3::exceptions::{PyBlockingIOError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -78,6 +79,8 @@ impl Seek for PySource {
 pub(crate) struct PySink {
     object: Py<PyAny>,
     method: &'static str,
+    /// Whether it is one of Python's raw files: that they take nothing, they say by `None`.
+    is_raw: bool,
     raised: Raised,
 }
 
@@ -85,7 +88,8 @@ impl PySink {
     pub(crate) fn new(object: &Bound<'_, PyAny>, raised: &Raised) -> PyResult<Self> {
         let method = if object.hasattr("sendall")? { "sendall" } else { "write" };
         object.getattr(method)?;
-        Ok(Self { object: object.clone().unbind(), method, raised: raised.clone() })
+        let is_raw = object.is_instance(&object.py().import("io")?.getattr("RawIOBase")?)?;
+        Ok(Self { object: object.clone().unbind(), method, is_raw, raised: raised.clone() })
     }
 }
 
@@ -94,8 +98,17 @@ impl Write for PySink {
         Python::attach(|py| {
             let written = self.object.call_method1(py, self.method, (PyBytes::new(py, bytes),));
             let written = written.and_then(|written| written.extract::<Option<usize>>(py));
-            let written = written.map_err(|error| self.raised.keep(error))?;
-            Ok(written.unwrap_or(bytes.len()).min(bytes.len()))
+            match written.map_err(|error| self.raised.keep(error))? {
+                Some(count) if count <= bytes.len() => Ok(count),
+                Some(count) => {
+                    let why = format!("write says that it took {count} of {} bytes", bytes.len());
+                    Err(self.raised.keep(PyValueError::new_err(why)))
+                }
+                None if self.is_raw => {
+                    Err(self.raised.keep(PyBlockingIOError::new_err("write returned None: it took nothing")))
+                }
+                None => Ok(bytes.len()),
+            }
         })
     }
 

@@ -5,6 +5,7 @@
 
 mod arrays;
 mod errors;
+mod exclusive;
 mod files;
 mod jobs;
 mod options;

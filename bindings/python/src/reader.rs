@@ -1,5 +1,6 @@
 //! Streams to frames, and frames to arrays.
 
+use crate::exclusive::Exclusive;
 use crate::files::{PySource, Raised};
 use crate::{arrays, errors, jobs, threads};
 use isv::{AfterLoss, Lod};
@@ -17,7 +18,7 @@ type Settings = (u8, bool, bool, Option<u64>);
 /// A stream that is read.
 #[pyclass(frozen, module = "isv._isv")]
 pub(crate) struct Reader {
-    reader: Mutex<isv::Reader>,
+    reader: Exclusive<isv::Reader>,
     raised: Raised,
     events: jobs::Events,
 }
@@ -74,22 +75,22 @@ impl Reader {
 
     /// Number of frames; `None` where bytes come once.
     #[getter]
-    fn frames(&self, py: Python<'_>) -> Option<usize> {
+    fn frames(&self, py: Python<'_>) -> PyResult<Option<usize>> {
         self.with(py, |reader| reader.frames())
     }
 
     #[getter]
-    fn fps(&self, py: Python<'_>) -> Option<f64> {
+    fn fps(&self, py: Python<'_>) -> PyResult<Option<f64>> {
         self.with(py, |reader| reader.fps())
     }
 
     #[getter]
-    fn voxel(&self, py: Python<'_>) -> Option<f64> {
+    fn voxel(&self, py: Python<'_>) -> PyResult<Option<f64>> {
         self.with(py, |reader| reader.voxel_m())
     }
 
     fn rewind(&self, py: Python<'_>) -> PyResult<()> {
-        self.with(py, isv::Reader::rewind).map_err(|error| self.raised.or(py, error))
+        self.with(py, isv::Reader::rewind)?.map_err(|error| self.raised.or(py, error))
     }
 
     /// Reads what is behind the last frame: where the index is not sound, there may be damage.
@@ -103,13 +104,13 @@ impl Reader {
             }
             while reader.next_frame()?.is_some() {}
             Ok::<_, isv::Error>(())
-        });
+        })?;
         self.events.log(py)?;
         read.map_err(|error| self.raised.or(py, error))
     }
 
     fn next_frame(&self, py: Python<'_>) -> PyResult<Option<Frame>> {
-        let frame = self.with(py, isv::Reader::next_frame);
+        let frame = self.with(py, isv::Reader::next_frame)?;
         self.events.log(py)?;
         Ok(frame.map_err(|error| self.raised.or(py, error))?.map(Frame))
     }
@@ -120,7 +121,7 @@ impl Reader {
             let frame = self.with(py, |reader| {
                 reader.approach(number)?;
                 reader.next_frame()
-            });
+            })?;
             self.events.log(py)?;
             py.check_signals()?;
             match frame.map_err(|error| self.raised.or(py, error))? {
@@ -154,16 +155,16 @@ impl Reader {
             Some(bytes) => reader.memory_limit(bytes),
             None => reader,
         };
-        Ok(Self { reader: Mutex::new(reader), raised, events })
+        Ok(Self { reader: Exclusive::new(reader), raised, events })
     }
 
-    /// Uses the reader, without the GIL: another thread may have it.
-    fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut isv::Reader) -> T + Send) -> T {
-        py.detach(|| {
-            let mut reader = self.reader.lock().unwrap_or_else(PoisonError::into_inner);
-            let reader = &mut *reader;
-            threads::run(|| work(reader))
-        })
+    /// Uses the reader.
+    fn with<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut isv::Reader) -> T + Send,
+    ) -> PyResult<T> {
+        self.reader.with(py, work)
     }
 }
 

@@ -1,5 +1,6 @@
 //! Frames to streams.
 
+use crate::exclusive::Exclusive;
 use crate::files::{PySink, Raised};
 use crate::options::{Options, Placement};
 use crate::{arrays, jobs, threads};
@@ -11,7 +12,6 @@ use pyo3::types::PyDict;
 use std::io;
 use std::io::Write;
 use std::path::PathBuf;
-use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 /// Lens and place of a camera: focal lengths, principal point (pixels), transform to the world (m).
@@ -30,7 +30,7 @@ enum Places<'py> {
 /// A stream that is written.
 #[pyclass(frozen, module = "isv._isv")]
 pub(crate) struct Writer {
-    writer: Mutex<Option<Target>>,
+    writer: Exclusive<Option<Target>>,
     placement: Option<Placement>,
     raised: Raised,
     events: jobs::Events,
@@ -71,7 +71,7 @@ impl Writer {
             }
         };
         let target = target.map_err(|error| raised.or(py, error))?;
-        Ok(Self { writer: Mutex::new(Some(target)), placement, raised, events })
+        Ok(Self { writer: Exclusive::new(Some(target)), placement, raised, events })
     }
 
     fn push_mesh(
@@ -164,7 +164,7 @@ impl Writer {
 
     /// Completes the stream.
     fn finish(&self, py: Python<'_>) -> PyResult<jobs::PyReport> {
-        let Some(target) = self.take(py) else { return Err(closed()) };
+        let Some(target) = self.take(py)? else { return Err(closed()) };
         let finished = py.detach(|| {
             threads::run(|| match target {
                 Target::File(writer) => writer.finish(),
@@ -179,15 +179,16 @@ impl Writer {
     }
 
     /// Gives up the stream: nothing is left of its file.
-    fn abandon(&self, py: Python<'_>) {
-        let target = self.take(py);
+    fn abandon(&self, py: Python<'_>) -> PyResult<()> {
+        let target = self.take(py)?;
         py.detach(|| drop(target));
+        Ok(())
     }
 }
 
 impl Writer {
-    fn take(&self, py: Python<'_>) -> Option<Target> {
-        py.detach(|| self.writer.lock().unwrap_or_else(PoisonError::into_inner).take())
+    fn take(&self, py: Python<'_>) -> PyResult<Option<Target>> {
+        self.writer.with(py, Option::take)
     }
 
     fn with(
@@ -195,10 +196,7 @@ impl Writer {
         py: Python<'_>,
         push: impl FnOnce(&mut Target) -> Result<(), isv::Error> + Send,
     ) -> PyResult<()> {
-        let pushed = py.detach(|| {
-            let mut writer = self.writer.lock().unwrap_or_else(PoisonError::into_inner);
-            writer.as_mut().map(|target| threads::run(|| push(target)))
-        });
+        let pushed = self.writer.with(py, |writer| writer.as_mut().map(push))?;
         self.events.log(py)?;
         pushed.ok_or_else(closed)?.map_err(|error| self.raised.or(py, error))
     }

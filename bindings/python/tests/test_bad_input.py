@@ -281,6 +281,74 @@ def test_what_a_file_raises_comes_through(stream: Path, tmp_path: Path) -> None:
     assert not folder.exists()
 
 
+def test_a_file_cannot_use_what_calls_it(stream: Path) -> None:
+    class Nested:
+        """A sink that pushes another frame while it is written to, and a source that reads a frame while it is read."""
+
+        def __init__(self) -> None:
+            self.data = io.BytesIO(stream.read_bytes())
+            self.user: Any = None
+
+        def write(self, data: bytes) -> int:
+            if self.user is not None:
+                self.user.push(box())
+            return len(data)
+
+        def read(self, size: int) -> bytes:
+            if self.user is not None:
+                self.user[0]
+            return self.data.read(size)
+
+        def seek(self, place: int, whence: int = 0) -> int:
+            return self.data.seek(place, whence)
+
+        def seekable(self) -> bool:
+            return True
+
+    sink = Nested()
+    writer = isv.Writer(sink, voxel=VOXEL)
+    sink.user = writer
+    with pytest.raises(RuntimeError, match="that calls it"):
+        for _ in range(4):
+            writer.push(box())
+        writer.close()
+    source = Nested()
+    take = isv.open(source)
+    source.user = take
+    with pytest.raises(RuntimeError, match="that calls it"):
+        take[0]
+
+
+def test_a_sink_says_how_much_it_took() -> None:
+    class Sink(io.RawIOBase):
+        def __init__(self, answer: Any) -> None:
+            self.answer = answer
+
+        def writable(self) -> bool:
+            return True
+
+        def write(self, data: Any) -> Any:
+            return self.answer
+
+    with pytest.raises(BlockingIOError, match="took nothing"):
+        isv.encode([box()], Sink(None), voxel=VOXEL)
+    with pytest.raises(ValueError, match="took 1000000 of"):
+        isv.encode([box()], Sink(1_000_000), voxel=VOXEL)
+
+    class Collector:
+        """As people write them: nothing is returned where all was taken."""
+
+        def __init__(self) -> None:
+            self.data = b""
+
+        def write(self, data: bytes) -> None:
+            self.data += data
+
+    collector = Collector()
+    report = isv.encode([box()], collector, voxel=VOXEL)
+    assert len(collector.data) == report.bytes
+
+
 def test_files_that_give_something_else_are_refused(stream: Path) -> None:
     class Wrong:
         def __init__(self, answer: object) -> None:
