@@ -101,7 +101,9 @@ pub fn simplify(mesh: &TriangleMesh, budget: &Budget) -> Result<Simplified, Simp
         return Ok(as_it_was());
     }
     let source = weld(mesh);
-    let max_error_m = FOUND * budget.max_error_m.unwrap_or(f64::INFINITY);
+    // More than the size of the mesh would allow nothing to be left of it.
+    let size_m = source.bounds().map_or(0.0, |(low, high)| low.distance(high));
+    let max_error_m = FOUND * budget.max_error_m.map_or(f64::INFINITY, |error_m| error_m.min(size_m));
     let mut locked = vec![false; source.vertices.len()];
     if budget.faces.is_some() {
         let limit = (SimplifyOptions::REGULARIZE_LIGHT, ANY_ERROR);

@@ -183,3 +183,13 @@ fn what_cannot_be_simplified_is_refused() {
     wild.vertices[0] = DVec3::NAN;
     assert!(matches!(simplify(&wild, &budget), Err(SimplifyError::Mesh(_))));
 }
+
+#[test]
+fn an_error_beyond_the_size_of_the_mesh_allows_as_much_as_its_size() {
+    let mesh = torus(24);
+    for error_m in [10.0, 1e3, 1e300, f64::INFINITY] {
+        let simplified = by_error(&mesh, error_m);
+        assert!(simplified.mesh.triangles.len() < mesh.triangles.len() / 10, "{error_m} m");
+        assert!(!simplified.mesh.triangles.is_empty());
+    }
+}
