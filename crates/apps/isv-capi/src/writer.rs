@@ -246,10 +246,13 @@ pub unsafe extern "C" fn isv_writer_push_depth_at(
 }
 
 /// Pixels of a camera.
+/// Pixels of an image at most, as of images in files. They are copied before anything else is looked at.
+const MOST_PIXELS: usize = 1 << 28;
+
 fn pixels(camera: &isv_camera) -> Outcome<usize> {
     let pixels = u64::from(camera.width) * u64::from(camera.height);
     match usize::try_from(pixels) {
-        Ok(pixels) if pixels > 0 => Ok(pixels),
+        Ok(pixels) if (1..=MOST_PIXELS).contains(&pixels) => Ok(pixels),
         _ => Err(Failure::argument(format!("an image is {} x {} pixels", camera.width, camera.height))),
     }
 }

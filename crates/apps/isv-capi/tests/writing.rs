@@ -183,6 +183,7 @@ fn depth_and_colour_images_become_streams() {
     let mut bytes = Vec::new();
     let options = options();
     ok(isv_encode_options_set_voxel(options, 0.03));
+    fails(isv_encode_options_set_max_depth(options, -1.0), ISV_ERROR_OPTIONS, "max-depth: a length above 0");
     ok(isv_encode_options_set_max_depth(options, 3.0));
     ok(isv_encode_options_set_accumulated_depth(options, 0));
     let writer = writer_to(&mut bytes, options);
@@ -192,6 +193,13 @@ fn depth_and_colour_images_become_streams() {
         ok(isv_writer_push_depth(writer, &depth, 1, &colour, 1));
         ok(isv_writer_push_depth(writer, &depth, 1, null(), 0));
         fails(isv_writer_push_depth(writer, &depth, 0, null(), 0), ISV_ERROR_ARGUMENT, "depth_count is 0");
+        let huge = isv_camera { width: 1 << 16, height: 1 << 16, ..camera };
+        let huge = isv_depth_image { camera: huge, ..depth };
+        fails(
+            isv_writer_push_depth(writer, &huge, 1, null(), 0),
+            ISV_ERROR_ARGUMENT,
+            "an image is 65536 x 65536 pixels",
+        );
         fails(
             isv_writer_push_depth(writer, null(), 1, null(), 0),
             ISV_ERROR_ARGUMENT,
