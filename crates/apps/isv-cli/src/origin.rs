@@ -6,7 +6,7 @@ pub(crate) fn parse(text: &str) -> Result<[f64; 3], String> {
     let numbers = numbers.filter(|numbers| numbers.iter().all(|number| number.is_finite()));
     numbers
         .and_then(|numbers| numbers.try_into().ok())
-        .ok_or_else(|| "an origin is three numbers, as in 512000,5403000,0".to_owned())
+        .ok_or_else(|| "a place is three numbers, as in 512000,5403000,0".to_owned())
 }
 
 #[cfg(test)]

@@ -3,9 +3,15 @@
 use anyhow::Context;
 use std::fmt::Display;
 use std::io::{self, Write};
+use std::path::Path;
 
 pub(crate) use isv::raw::io::{Output, is_pipe, is_same_file};
 pub(crate) use isv::raw::take::stream::check_output as check_stream_output;
+
+/// Whether a path ends so, in any case. `ending`: without the dot.
+pub(crate) fn has_ending(path: &Path, ending: &str) -> bool {
+    path.extension().is_some_and(|found| found.eq_ignore_ascii_case(ending))
+}
 
 /// Prints text for people or scripts on standard output.
 pub(crate) fn print(text: &str) -> anyhow::Result<()> {

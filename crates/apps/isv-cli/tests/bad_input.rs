@@ -406,6 +406,24 @@ fn statistics_do_not_replace_what_a_command_reads_or_writes() {
 }
 
 #[test]
+fn pictures_replace_pictures_alone() {
+    let work = Workspace::with_figure(1);
+    work.isv(&["render", "frames", "-o", "x.png", "--size", "64"]).done();
+    work.isv(&["render", "frames", "-o", "x.png", "--size", "64"]).done();
+    work.write("notes.png", "no picture");
+    work.isv(&["render", "frames", "-o", "notes.png"]).fails(2, &["notes.png: there is another file"]);
+    assert_eq!(work.read("notes.png"), b"no picture");
+}
+
+#[test]
+fn a_title_has_an_end() {
+    let work = Workspace::with_figure(1);
+    let title = "x".repeat(5000);
+    let run = ["encode", "frames", "-o", "x.isv", "--voxel", "20mm", "--title", &title];
+    work.isv(&run).fails(2, &["--title: text of at most 4096 bytes"]);
+}
+
+#[test]
 fn pictures_do_not_replace_what_they_are_of() {
     let (work, bytes) = Workspace::with_stream(1);
     let words = "the pictures would replace what they are of";

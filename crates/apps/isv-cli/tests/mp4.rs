@@ -132,6 +132,41 @@ fn what_cannot_be_is_said_in_a_sentence() {
 }
 
 #[test]
+fn files_are_named_after_what_is_in_them() {
+    let (work, _) = workspace();
+    work.isv(&["mux", "take.isv", "-o", "x.isv"]).fails(2, &["x.isv: this makes an MP4 file"]);
+    work.isv(&["demux", "take.mp4", "-o", "x.mp4"]).fails(2, &["x.mp4: a stream has a name such as take.isv"]);
+    work.write("text.isv", "no stream, but text that is longer than the header of one is");
+    work.isv(&["mux", "text.isv", "-o", "x.mp4"]).fails(1, &["text.isv: not an .isv stream"]);
+    assert!(!work.path("x.isv").exists() && !work.path("x.mp4").exists());
+}
+
+#[test]
+fn a_fragment_whose_name_is_damaged_is_missed() {
+    let (work, bytes) = workspace();
+    let file = work.read("take.mp4");
+    let places = (0..file.len() - 4).filter(|at| [b"moof", b"trun"].iter().any(|name| file[*at..].starts_with(*name)));
+    let places: Vec<_> = places.collect();
+    assert!(places.len() > 3);
+    for at in places {
+        let mut damaged = file.clone();
+        damaged[at + 3] ^= 1;
+        work.write("damaged.mp4", &damaged);
+        work.isv(&["verify", "damaged.mp4"]).fails(1, &["damaged.mp4: "]);
+    }
+    // What follows a stream is not in its copies, and that is said.
+    work.write("twice.isv", [&bytes[..], &bytes[..]].concat());
+    for args in [
+        &["mux", "twice.isv", "-o", "copy.mp4"][..],
+        &["join", "twice.isv", "take.isv", "-o", "copy.isv"],
+        &["cut", "twice.isv", "0..9", "-o", "copy.isv"],
+    ] {
+        let said = work.isv(args).done().stderr();
+        assert!(said.contains("twice.isv: ") && said.contains("bytes"), "{args:?}: {said}");
+    }
+}
+
+#[test]
 fn a_rate_that_no_sound_has_is_refused() {
     let (work, _) = workspace();
     let mut sound = waveform(0.1);
@@ -297,4 +332,9 @@ fn a_file_that_is_cut_off_has_its_first_frames() {
     work.isv(&["repair", "cut.mp4", "-o", "whole.mp4"]).done();
     work.isv(&["verify", "whole.mp4"]).done();
     assert_eq!(info(&work, "whole.mp4")["frames"], 4);
+    let said = work.isv(&["demux", "cut.mp4", "-o", "cut.isv"]).done().stderr();
+    assert!(said.contains("cut.mp4: ends without an index"), "{said}");
+    let first = open(&work, "take.mp4").tracks()[0].samples[0];
+    work.write("none.mp4", &bytes[..first.at as usize + 10]);
+    work.isv(&["demux", "none.mp4", "-o", "none.isv"]).fails(1, &["none.mp4: no frame of the stream is there"]);
 }

@@ -107,6 +107,22 @@ fn a_stream_with_regular_keyframes_is_its_own_best_rate() {
 }
 
 #[test]
+fn a_bit_rate_is_met_in_two_passes_and_sound_is_looked_at_first() {
+    let work = Workspace::with_figure(FRAMES);
+    let run = ["package", "frames", "-o", "site", "--rungs", "1", "--voxel", "20mm", "--gop", "3"];
+    work.isv(&[&run[..], &["--bitrate", "200k"]].concat()).done();
+    assert!(rates(&work)[0] < 250_000.0, "{:?}", rates(&work));
+    work.isv(&["encode", "frames", "-o", "take.isv", "--voxel", "20mm", "--gop", "3"]).done();
+    // A frame that cannot be read would be met first, if any was.
+    work.write("frames/frame_0.ply", "ply");
+    work.isv(&[&run[..], &["--audio", "missing.wav"]].concat()).fails(1, &["missing.wav"]);
+    // A stream is coded anew where other voxels are asked for.
+    work.isv(&["package", "take.isv", "-o", "site", "--rungs", "1", "--voxel", "40mm"]).done();
+    let voxel = PacketReader::new(&stream(&work, "rung-0")[..]).unwrap().header().grid.voxel_size;
+    assert_eq!(voxel.metres(), 0.04);
+}
+
+#[test]
 fn lower_rates_have_larger_voxels_as_far_as_that_is_allowed() {
     let (work, _) = Workspace::with_stream(FRAMES + 1);
     let half = std::f64::consts::SQRT_2;

@@ -416,6 +416,15 @@ pub fn tell_if_cut(name: &str, packets: &PacketReader<impl Read>, observer: &dyn
     }
 }
 
+/// Tells that bytes follow the end of a stream, which its copy lacks.
+fn tell_if_more(name: &str, source: &mut impl Read, observer: &dyn Observer) -> io::Result<()> {
+    let bytes = io::copy(source, &mut io::sink())?;
+    if bytes > 0 {
+        observer.event(&Event::BytesBehindEnd { name: name.to_owned(), bytes });
+    }
+    Ok(())
+}
+
 /// Tells that a copy of a stream lacks packets whose types are not known.
 fn tell_if_left_out(name: &str, packets: usize, observer: &dyn Observer) {
     if packets > 0 {

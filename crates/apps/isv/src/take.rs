@@ -163,7 +163,7 @@ fn finished(output: StreamOutput<Output>) -> Result<(), Error> {
 /// See [`mux`].
 pub fn demux(input: impl AsRef<Path>, output: impl AsRef<Path>) -> Result<(), Error> {
     let create = || AtomicFile::create(output.as_ref()).map_err(io::Error::other);
-    let file = stream::demux(&Input::from(input), create)?;
+    let file = stream::demux(&Input::from(input), &|_: &isv_take::Event| {}, create)?;
     file.commit()?;
     Ok(())
 }

@@ -18,6 +18,17 @@ const MOST_TABLE_BYTES: u64 = 1 << 28;
 /// Most tracks of a file that are looked at.
 const MOST_TRACKS: usize = 256;
 
+/// How many samples the lists at the end of a file (`isvi`) name, by track. `body`: of `mfra`, which begins at byte `at`.
+fn listed_samples(body: &[u8], at: u64) -> Result<Vec<(u32, u32)>, Mp4Error> {
+    let lists = boxes(body, at)?.into_iter().filter(|one| one.kind == *b"isvi");
+    // Version and flags, the track, where its first sample begins, how many there are.
+    let of_list = |body: &[u8]| {
+        let number = |from: usize| Some(u32::from_be_bytes(*body.get(from..)?.first_chunk()?));
+        Some((number(4)?, number(16)?))
+    };
+    Ok(lists.filter_map(|one| of_list(one.body)).collect())
+}
+
 /// Whether a file begins like an MP4 file. 8 bytes tell.
 #[must_use]
 pub fn is_mp4(first_bytes: &[u8]) -> bool {
@@ -69,6 +80,7 @@ impl<S: Read + Seek> Mp4File<S> {
         let (mut at, mut is_whole) = (0, true);
         let mut tracks: Option<Vec<OpenTrack>> = None;
         let mut fragments: Vec<FragmentPlace> = Vec::new();
+        let mut listed: Vec<(u32, u32)> = Vec::new();
         source.seek(SeekFrom::Start(0))?;
         while at < length {
             let Some((kind, header_bytes, size)) = read_header(&mut source, at, length)? else {
@@ -93,6 +105,10 @@ impl<S: Read + Seek> Mp4File<S> {
                     read_fragment(tracks, &body, at, end)?;
                     fragments.push(FragmentPlace::new(at..end, &before, tracks));
                 }
+                b"mfra" => {
+                    let Some(body) = read_table(&mut source, body_bytes, end <= length)? else { break };
+                    listed = listed_samples(&body, at)?;
+                }
                 b"mdat" => {
                     if let Some(fragment) = fragments.last_mut().filter(|fragment| fragment.bytes.end == at) {
                         fragment.bytes.end = end;
@@ -106,8 +122,13 @@ impl<S: Read + Seek> Mp4File<S> {
         if length == 0 {
             return Err(Mp4Error::NotMp4);
         }
-        let mut tracks: Vec<_> =
-            tracks.ok_or(Mp4Error::NoMovie)?.into_iter().map(|open| open.track).collect();
+        let tracks = tracks.ok_or(Mp4Error::NoMovie)?;
+        // A fragment that was damaged may look like a box of an unknown type.
+        is_whole &= tracks.iter().all(|open| {
+            let of_track = listed.iter().filter(|(track, _)| *track == open.id);
+            of_track.map(|(_, count)| *count as usize).all(|count| count == open.track.samples.len())
+        });
+        let mut tracks: Vec<_> = tracks.into_iter().map(|open| open.track).collect();
         for track in &mut tracks {
             let whole = |sample: &Sample| sample.at.saturating_add(sample.bytes.into()) <= length;
             let count = track.samples.iter().position(|sample| !whole(sample)).unwrap_or(track.samples.len());

@@ -1,7 +1,8 @@
 //! `isv demux`: the stream of an MP4 file, and the tracks beside it.
 
-use crate::output::{Output, check_stream_output};
-use crate::stream;
+use crate::failure::usage;
+use crate::output::{Output, check_stream_output, has_ending};
+use crate::{stream, words};
 use anyhow::{Context, Result, bail};
 use isv::raw::mp4::write_tracks;
 use isv::raw::take::Input;
@@ -28,6 +29,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     for output in args.output.iter().chain(&args.tracks) {
         check_stream_output(&[&args.input], output)?;
     }
+    if let Some(output) = args.output.as_deref().filter(|output| has_ending(output, "mp4")) {
+        let output = output.display();
+        return Err(usage(format!("{output}: a stream has a name such as take.isv; --tracks makes MP4 files")));
+    }
     if let Some(path) = &args.tracks {
         let tracks = tracks_beside(&input, None)?;
         if tracks.is_empty() {
@@ -38,7 +43,11 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     }
     if let Some(path) = &args.output {
         let frames = load_index(&input)?.frames.len();
-        let output = demux(&input, || Ok(Output::create(path)?)).map_err(stream::edit_error)?;
+        if frames == 0 {
+            bail!("{}: no frame of the stream is there", input.name());
+        }
+        let observer = words::observer();
+        let output = demux(&input, &*observer, || Ok(Output::create(path)?)).map_err(stream::edit_error)?;
         stream::commit_file(output, path, frames)?;
     }
     Ok(())

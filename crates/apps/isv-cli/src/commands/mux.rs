@@ -1,6 +1,7 @@
 //! `isv mux`: a stream in an MP4 file, with sound and picture beside it.
 
-use crate::output::{Output, check_stream_output};
+use crate::failure::usage;
+use crate::output::{Output, check_stream_output, has_ending};
 use crate::stream::{self, StreamOutput};
 use crate::tracks::TrackArgs;
 use crate::{memory, words};
@@ -29,6 +30,10 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<()> {
     let inputs: Vec<_> = iter::once(args.input.as_path()).chain(args.tracks.files()).collect();
     check_stream_output(&inputs, &args.output)?;
+    if has_ending(&args.output, "isv") {
+        let output = args.output.display();
+        return Err(usage(format!("{output}: this makes an MP4 file: use a name such as take.mp4")));
+    }
     let input = Input::from_argument(&args.input);
     let mut tracks = tracks_beside(&input, None)?;
     tracks.extend(args.tracks.open(None)?);

@@ -12,7 +12,7 @@ use crate::{memory, stream, words};
 use anyhow::{Context, Result, bail};
 use isv::raw::decode::Lod;
 use isv::raw::encode::Band;
-use isv::raw::format::StreamHeader;
+use isv::raw::format::{FrameRate, StreamHeader};
 use isv::raw::io::{Geometry, check_folder_name};
 use isv::raw::mp4::{
     Mp4File, Rung, Segment, Segments, TrackKind, Trimmed, codec_string, is_stream_name, master_playlist,
@@ -76,6 +76,12 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let mut folder = ExportFolder::create(&args.output)?;
     let input = Input::from_argument(&args.capture.input);
     let mut options = EncodeOptions { fixed_gop: true, ..args.capture.options() };
+    // Groups of pictures that stand alone meet a rate in two passes.
+    if options.main.bitrate.is_some() && options.main.passes.is_none() {
+        options.main.passes = Some(2);
+    }
+    // What the last step needs is looked at before hours of encoding.
+    drop(args.capture.open_tracks(&input, FrameRate::DEFAULT, "sound.mp4".as_ref())?);
     let best = match regular_gop(&input)? {
         Some(gop) if args.capture.frames.is_none() && !is_asked_for(&options) => {
             options.gop = gop;
@@ -115,13 +121,14 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Whether a quality or a rate is asked for, which a stream that is copied would not have.
+/// Whether a quality, a rate or voxels are asked for, which a stream that is copied would not have.
 fn is_asked_for(options: &EncodeOptions) -> bool {
     let main = &options.main;
     main.quality.is_some()
         || main.bitrate.is_some()
         || main.max_error.is_some()
         || options.colour.quality.is_some()
+        || matches!(options.voxel, VoxelChoice::Edge(_))
 }
 
 /// The distance from one keyframe of a stream to the next, if it is the same everywhere; `None` of what is no stream.

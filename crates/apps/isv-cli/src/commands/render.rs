@@ -20,6 +20,8 @@ use isv::raw::take::capture::{Capture, Hints};
 use isv_render::{
     Camera, ErrorScale, Extent, PictureFile, PictureFormat, PictureRate, RenderSetup, SeenErrors, Style, View,
 };
+use std::fs::{self, File};
+use std::io::Read;
 use std::num::NonZero;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -189,6 +191,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if PictureFormat::of_path(&args.output).is_none() {
         check_file_name(&args.output, &format!("a name such as x.{format}"))?;
     }
+    check_replaces_picture(&args.output)?;
     let source = FrameSource::open(args, format.is_moving() && args.turntable.is_none())?;
     // From here on somebody looks whether Ctrl-C came.
     interrupt::listen()?;
@@ -222,6 +225,20 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     drop(progress);
     report_errors(&seen);
     Ok(())
+}
+
+/// Refuses to replace a file that is no picture of a kind that this command makes.
+fn check_replaces_picture(output: &Path) -> Result<()> {
+    // A pipe or a device is not looked into.
+    if !fs::metadata(output).is_ok_and(|found| found.is_file() && found.len() > 0) {
+        return Ok(());
+    }
+    let mut begin = Vec::new();
+    let read = File::open(output).and_then(|file| file.take(8).read_to_end(&mut begin));
+    match read.is_ok() && (begin.starts_with(b"\x89PNG") || begin.starts_with(b"GIF8")) {
+        true => Ok(()),
+        false => Err(usage(format!("{}: there is another file of that name, no picture", output.display()))),
+    }
 }
 
 /// The format asked for, or that of the output's name. A .png file may also be an animated PNG, if asked for.

@@ -7,6 +7,7 @@ use crate::Up;
 use crate::metadata::{Metadata, MetadataChoice, SourceMetadata, SurfaceMetadata};
 use isv_encode::{Preset, RateTarget};
 use isv_format::{FormatVersion, MetadataText, StreamHeader};
+use super::error::{OptionName, OptionsError};
 use serde_json::{Map, Value, json};
 use std::sync::{Arc, OnceLock};
 
@@ -21,7 +22,20 @@ pub struct MetadataOptions {
     pub device: Option<String>,
 }
 
+/// Bytes of a title, or of a device's name, at most.
+const MOST_BYTES: usize = 4096;
+
 impl MetadataOptions {
+    /// Refuses text that is longer than anybody reads: with it all metadata might be longer than a stream may have.
+    pub(super) fn check(&self) -> Result<(), OptionsError> {
+        let is_long = |text: &Option<String>| text.as_ref().is_some_and(|text| text.len() > MOST_BYTES);
+        let texts = [(OptionName::Title, &self.title), (OptionName::Device, &self.device)];
+        match texts.into_iter().find(|(_, text)| is_long(text)) {
+            Some((option, _)) => Err(OptionsError::Range { option, what: "text of at most 4096 bytes" }),
+            None => Ok(()),
+        }
+    }
+
     /// Options, with what a stream that is coded anew says of itself in place of what is not given.
     pub(super) fn or(&self, source: Option<&Metadata>) -> Self {
         let said = |own: &Option<String>, theirs: fn(&Metadata) -> &Option<String>| {

@@ -322,12 +322,21 @@ pub enum OptionName {
     FixedGop,
     /// Frame at which the stream's time begins.
     TimeOrigin,
+    /// Largest depth that counts.
+    MaxDepth,
+    /// Title of the take.
+    Title,
+    /// What captured the take.
+    Device,
 }
 
 impl std::fmt::Display for OptionName {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::Quality => "quality",
+            Self::MaxDepth => "max-depth",
+            Self::Title => "title",
+            Self::Device => "capture-device",
             Self::ColourQuality => "colour-quality",
             Self::Bitrate => "bitrate",
             Self::MaxError => "max-error",

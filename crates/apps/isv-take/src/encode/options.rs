@@ -334,6 +334,10 @@ impl EncodeOptions {
         if self.frame_rate.is_some_and(|rate| rate.numerator == 0 || rate.denominator == 0) {
             return Err(OptionsError::Range { option: OptionName::FrameRate, what: "a number above 0" });
         }
+        if self.fields.max_depth.is_some_and(|depth| depth.metres().is_nan() || depth.metres() <= 0.0) {
+            return Err(OptionsError::Range { option: OptionName::MaxDepth, what: "a length above 0" });
+        }
+        self.metadata.check()?;
         self.check_groups()?;
         let grid = self.grid(grid)?;
         let offset = self.fields.offset_voxels;

@@ -134,9 +134,13 @@ impl VolumeMaker {
             Content::Volume(volume) | Content::Decoded(volume) => *volume.grid(),
             Content::Geometry(_) | Content::Depth(_) => self.mesh.grid,
         };
-        let (volume, ingest_ms) = timed(|| match content {
+        let mut surface = None;
+        let (volume, mut ingest_ms) = timed(|| match content {
             Content::Geometry(geometry) if geometry.is_empty() => Ok(SparseVolume::empty(self.mesh.grid)),
-            Content::Geometry(Geometry::Mesh(mesh)) => self.mesh_to_volume(&name, &mesh),
+            Content::Geometry(Geometry::Mesh(mesh)) => {
+                let mesh = self.with_faces_turned(&name, mesh)?;
+                self.mesh_to_volume(&name, surface.insert(mesh))
+            }
             Content::Geometry(Geometry::Points(cloud)) => self.points_to_volume(&name, cloud),
             Content::Depth(images) => self.depth_to_volume(&name, &images, &views),
             Content::Volume(volume) => self.volume_to_volume(&name, volume),
@@ -160,6 +164,12 @@ impl VolumeMaker {
         }
         let fits = self.memory.check_frame(&volume, self.extended);
         fits.map_err(|cause| FrameError::Memory { name, cause })?;
+        // Samples of colour take far more memory than the volume: they are taken once it is known to be no larger than it may be.
+        if let (Some(mesh), Some(spacing_m)) = (&surface, self.colour_spacing_m) {
+            let sampled_ms;
+            (colours, sampled_ms) = timed(|| mesh_colours(mesh, spacing_m));
+            ingest_ms += sampled_ms;
+        }
         Ok(IngestedFrame {
             number,
             read,
@@ -192,22 +202,25 @@ impl VolumeMaker {
         self.observer.event(&Event::Encode(event));
     }
 
-    fn mesh_to_volume(&mut self, name: &str, mesh: &TriangleMesh) -> Result<SparseVolume, FrameError> {
+    /// A mesh whose faces look the same way, as far as that can be found.
+    fn with_faces_turned(&mut self, name: &str, mesh: TriangleMesh) -> Result<TriangleMesh, FrameError> {
         if self.point_sign.is_some() {
             return Err(FrameError::MeshAmongPoints { name: name.to_owned() });
         }
-        let turned = match self.mesh.sign {
-            SignMode::Offset => Cow::Borrowed(mesh),
-            _ => self.face_turner.turn(mesh),
+        if self.mesh.sign == SignMode::Offset {
+            return Ok(mesh);
+        }
+        let turned = match self.face_turner.turn(&mesh) {
+            Cow::Borrowed(_) => None,
+            Cow::Owned(turned) => Some(turned),
         };
-        if let (Cow::Owned(_), false) = (&turned, self.turning_said) {
-            self.turning_said = true;
+        if turned.is_some() && !replace(&mut self.turning_said, true) {
             self.tell(EncodeEvent::FacesTurned { name: name.to_owned() });
         }
-        let mesh = &*turned;
-        // A broken mesh has no samples: its ingest says what is wrong.
-        let spacing_m = self.colour_spacing_m.filter(|_| mesh.validate().is_ok());
-        self.colours = spacing_m.map_or_else(Vec::new, |spacing| mesh_colours(mesh, spacing));
+        Ok(turned.unwrap_or(mesh))
+    }
+
+    fn mesh_to_volume(&mut self, name: &str, mesh: &TriangleMesh) -> Result<SparseVolume, FrameError> {
         let (sign, evidence) = match self.mesh_sign {
             Some(sign) => (sign, None),
             None => {

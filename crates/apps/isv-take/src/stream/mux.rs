@@ -1,9 +1,9 @@
 //! Streams into MP4 files and out of them, and the tracks beside them.
 
 use super::output::Tracks;
-use super::{EditError, StreamBytes, StreamError, StreamFault, StreamOutput, open_file, source, tell_if_cut};
+use super::{EditError, StreamBytes, StreamError, StreamFault, StreamOutput, open_file, source};
 use crate::{Event, FrameRange, Input, MemoryLimit, Observer};
-use isv_format::PacketReader;
+use isv_format::{PacketReader, StreamHeader};
 use isv_mp4::{Chained, Mp4Error, Mp4File, OtherEnd, SampleSource, Track, TrackKind, TrackSource, Trimmed};
 use std::fs::File;
 use std::io::{self, BufReader, Read, Write};
@@ -21,7 +21,13 @@ pub fn mux<W: Write>(
 ) -> Result<(W, usize), EditError> {
     let name = input.name();
     let fault = |error: isv_format::FormatError| EditError::from(StreamFault::from(error).in_stream(&name));
-    let tee = Tee { source: source(input)?, sink: create()?, failed: None };
+    let mut begin = source(input)?;
+    let mut header = Vec::new();
+    begin.by_ref().take(StreamHeader::BYTES as u64).read_to_end(&mut header).map_err(|error| fault(error.into()))?;
+    // Of what is no stream no file is made.
+    drop(PacketReader::new(&header[..]).map_err(fault)?);
+    let source = io::Cursor::new(header).chain(begin);
+    let tee = Tee { source, sink: create()?, failed: None };
     let mut packets = PacketReader::new(tee).map_err(fault)?.with_largest_payload(memory.largest_payload());
     let mut frames = 0;
     let end = loop {
@@ -31,12 +37,16 @@ pub fn mux<W: Write>(
             Err(error) => break Err(error),
         }
     };
-    tell_if_cut(&name, &packets, observer);
-    let Tee { sink, failed, .. } = packets.into_source();
+    let is_complete = packets.complete();
+    let Tee { mut source, sink, failed } = packets.into_source();
     if let Some(error) = failed {
         return Err(EditError::Create(error));
     }
     end.map_err(fault)?;
+    match is_complete {
+        true => super::tell_if_more(&name, &mut source, observer)?,
+        false => observer.event(&Event::Cut { name: name.clone() }),
+    }
     super::tell_if_left_out(&name, sink.left_out(), observer);
     let (output, ends) = sink.finish_with_ends().map_err(write_error)?;
     tell_of_ends(&name, &ends, observer);
@@ -54,11 +64,18 @@ pub fn tell_of_ends(name: &str, ends: &[OtherEnd], observer: &dyn Observer) {
 ///
 /// # Errors
 /// [`EditError`]: a file that is no MP4 file with geometry, and what reading and writing may fail by.
-pub fn demux<W: Write>(input: &Input, create: impl FnOnce() -> io::Result<W>) -> Result<W, EditError> {
+pub fn demux<W: Write>(
+    input: &Input,
+    observer: &dyn Observer,
+    create: impl FnOnce() -> io::Result<W>,
+) -> Result<W, EditError> {
     let fault = |fault: StreamFault| EditError::from(fault.in_stream(&input.name()));
     let mut stream = open_file(input)?;
     if stream.mp4().is_none() {
         return Err(fault(Mp4Error::NotMp4.into()));
+    }
+    if stream.mp4().is_some_and(|file| !file.is_whole()) {
+        observer.event(&Event::Cut { name: input.name() });
     }
     let mut sink = create()?;
     io::copy(&mut stream, &mut sink)?;
