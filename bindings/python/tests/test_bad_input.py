@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import isv
 import numpy as np
 import pytest
+from isv import _options
 
 from conftest import VOXEL, box, sphere_field
 
@@ -59,6 +61,13 @@ BAD_FRAMES: list[tuple[Any, type[Exception], str]] = [
     (depth(camera=camera(focal=(0, 50))), isv.IsvError, "make no camera"),
     (depth(camera=camera(focal=(-50, 50))), isv.IsvError, "fx is -50"),
     (depth(depth=np.zeros((0, 8), np.float32)), isv.IsvError, "."),
+    (depth(camera=camera(focal=(20,))), ValueError, r"focal is \(20,\): 2 focal lengths"),
+    (depth(camera=camera(focal=20)), TypeError, "focal is 20: 2 focal lengths"),
+    (depth(camera=camera(principal=(1, "2"))), TypeError, "principal is '2': a number"),
+    (depth(camera=camera(pose="here")), TypeError, "a pose is 'here': numbers of shape"),
+    (([[0.0, 0, 0], [1, 0]], [[0, 1, 1]]), ValueError, "vertices: "),
+    (isv.Points(np.zeros((3, 3)), viewpoint=(1, 2)), ValueError, r"viewpoint is \(1, 2\): 3 coordinates"),  # type: ignore[arg-type]
+    (volume(voxel=True), TypeError, "voxel is True: a number"),
     (depth(camera="here"), TypeError, "a camera is an isv.Camera, not str"),
     ([depth(), isv.ColorImage(np.zeros((8, 8, 3)), CAMERA)], TypeError, "uint8"),  # type: ignore[arg-type]
     ([depth(), isv.ColorImage(np.zeros((8, 8), np.uint8), CAMERA)], ValueError, "a color image has shape"),
@@ -108,25 +117,47 @@ BAD_OPTIONS: list[tuple[dict[str, Any], type[Exception], str]] = [
     ({"voxel": 0}, ValueError, "voxel is 0"),
     ({"voxel": float("inf")}, ValueError, "voxel is inf"),
     ({"voxel": 1e9}, ValueError, "."),
-    ({"voxel": "small"}, ValueError, 'voxel is "auto", not "small"'),
+    ({"voxel": "small"}, ValueError, r"voxel is 'small': .*such as voxel=0\.005, or \"auto\""),
+    ({"voxel": "5mm"}, ValueError, r"voxel is '5mm': a number \(metres\), such as voxel=0\.005, or"),
+    ({"voxel": True}, TypeError, "voxel is True: a number"),
+    ({"voxel": 10**400}, ValueError, "voxel is an integer of 1329 bits: too large"),
+    ({"voxel": []}, TypeError, r"voxel is \[\]: a number"),
+    ({"max_error": "1mm"}, TypeError, r"max_error is '1mm': a number \(metres\), such as max_error=0\.001"),
+    ({"fps": "30"}, TypeError, r"fps is '30': a number \(frames a second\)"),
     ({"voxel": "auto"}, ValueError, "."),
     ({"fps": 0}, ValueError, "a rate is above 0"),
     ({"gop": 0}, ValueError, "gop is 0"),
     ({"gop": -5}, ValueError, "gop is -5"),
     ({"gop": 2**40}, ValueError, "gop is"),
-    ({"gop": 1.5}, TypeError, "."),
+    ({"gop": 2**70}, ValueError, f"gop is {2**70}: a number from 1 to {2**32 - 1}"),
+    ({"gop": 1.5}, TypeError, "gop is 1.5: a whole number"),
+    ({"gop": True}, TypeError, "gop is True: a whole number"),
+    ({"time_origin": -1}, ValueError, "time_origin is -1: a number from 0 on"),
+    ({"time_origin": 2**70}, ValueError, "time_origin is"),
+    ({"checksums": 1}, TypeError, "checksums is 1: True or False"),
+    ({"color": "no"}, TypeError, "color is 'no': True or False"),
+    ({"title": 3}, TypeError, "title is 3: text"),
+    ({"title": "\ud800"}, ValueError, "title is .*surrogate"),
+    ({"preset": 2}, TypeError, "preset is 2: text"),
     ({"preset": "fast"}, ValueError, 'preset is "realtime" or "balanced" or "archive", not "fast"'),
     ({"refresh": "never"}, ValueError, "refresh is"),
     ({"sign": "both"}, ValueError, "sign is"),
     ({"units": "miles"}, ValueError, "units"),
     ({"up": "w"}, ValueError, "up is"),
-    ({"origin": (1, 2)}, ValueError, "."),
+    ({"origin": (1, 2)}, ValueError, r"origin is \(1, 2\): 3 coordinates \(x, y, z\)"),
+    ({"origin": 5}, TypeError, "origin is 5: 3 coordinates"),
+    ({"viewpoint": "123"}, TypeError, "viewpoint is '123': 3 coordinates"),
+    ({"viewpoint": (1, 2, "3")}, TypeError, "viewpoint is '3': a number"),
     ({"origin": (1, 2, float("nan"))}, ValueError, "origin is .* finite"),
     ({"color_quality": 200}, ValueError, "."),
     ({"max_blocks": 0}, ValueError, "max_blocks is 0"),
     ({"shell_offset": -1.0}, ValueError, "."),
-    ({"memory_limit": -1}, OverflowError, "."),
-    ({"speed": 11}, TypeError, "speed is no option of encoding"),
+    ({"memory_limit": -1}, ValueError, "memory_limit is -1: a number of bytes above 0"),
+    ({"memory_limit": 2**64}, ValueError, "memory_limit is"),
+    ({"speed": 11}, TypeError, "speed is no option of encoding$"),
+    ({"nonsense": None}, TypeError, "nonsense is no option of encoding"),
+    ({"bitrate": 2.0}, TypeError, "bitrate is no option of encoding; is bitrate_mbps meant?"),
+    ({"colour": False}, TypeError, "is color meant?"),
 ]
 
 
@@ -137,6 +168,37 @@ def test_bad_options_are_refused_before_the_first_frame(
     path = tmp_path / "take.isv"
     with pytest.raises(kind, match=words):
         isv.Writer(path, **options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_each_option_has_a_check_and_none_is_the_default() -> None:
+    names = isv.EncodeOptions.__annotations__
+    assert set(_options._KINDS) == set(names)
+    assert _options.options_of(dict.fromkeys(names)) == {}
+    numbers = {"voxel": np.float32(0.5), "gop": np.int64(7), "fps": Fraction(25, 2), "color": np.bool_(False)}
+    assert _options.options_of(numbers) == {"voxel": 0.5, "gop": 7, "fps": 12.5, "color": False}
+
+
+@pytest.mark.parametrize(
+    ("frames", "kind", "words"),
+    [
+        ("0..1", TypeError, r"frames are '0\.\.1': a slice such as slice\(10, 20\)"),
+        (3, TypeError, "frames are 3: a slice"),
+        ((0,), ValueError, r"frames are \(0,\): a tuple has two numbers"),
+        ((0, 1.5), TypeError, "frames is 1.5: a frame number"),
+        (slice(True, 3), TypeError, "frames is True: a frame number"),
+        (slice(0, 3, 0), ValueError, "the step is 0"),
+        (range(3, 0, -1), ValueError, "the step is -1"),
+        (slice(0, 10**400), ValueError, "frames 0 to an integer of 1329 bits"),
+        (slice(-2, None), ValueError, "frames -2 to None: there are none"),
+    ],
+)
+def test_bad_ranges_of_frames_are_refused_from_all_sources(
+    frames: Any, kind: type[Exception], words: str, tmp_path: Path, stream: Path
+) -> None:
+    for source in ([box()], stream):
+        with pytest.raises(kind, match=words):
+            isv.encode(source, tmp_path / "take.isv", frames=frames)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -422,6 +484,12 @@ def test_jobs_on_files_refuse_what_cannot_be(tmp_path: Path, stream: Path) -> No
         isv.join(str(stream), out)
     with pytest.raises(ValueError, match="spacing is -1"):
         isv.evaluate(stream, stream, spacing=-1)
+    with pytest.raises(TypeError, match=r"spacing is '5mm': a number \(metres\), such as spacing=0\.005"):
+        isv.evaluate(stream, stream, spacing="5mm")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="test_origin is .* 3 coordinates"):
+        isv.evaluate(stream, stream, test_origin=(1, 2))
+    with pytest.raises(TypeError, match="bitrate_mbps meant"):
+        isv.settle(stream, bitrate=2)  # type: ignore[call-arg]
     with pytest.raises(ValueError, match="threads is 0"):
         isv.set_threads(0)
     failing: list[Callable[[], object]] = [

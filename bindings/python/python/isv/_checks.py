@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
+import math
+import operator
+import re
+import reprlib
+import sys
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+_METRES = {"": 1.0, "m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "um": 1e-6}
+"""Metres in the units that a length may be stated in by mistake. A length without a unit has metres."""
 
 
 def array_of(name: str, value: Any, kinds: str, what: str) -> NDArray[Any]:
     """Make an array of what may be one, without a copy where it is one. ``kinds`` are those of ``dtype.kind``."""
     if hasattr(value, "detach") and hasattr(value, "cpu"):
         value = value.detach().cpu()
-    array = np.asarray(value)
+    try:
+        array = np.asarray(value)
+    except ValueError as error:
+        # Rows of several lengths.
+        raise ValueError(f"{name}: {error}") from None
     if array.size == 0 and array.dtype == np.float64 and not hasattr(value, "dtype"):
         # An empty list says nothing of its elements.
         return array
@@ -94,15 +106,26 @@ def frames_of(frames: slice | range | tuple[int, int] | None, what: str = "frame
     """Check a range of frames: its first one and the one behind its last, or None for the end."""
     if frames is None:
         return None
+    first: Any
+    end: Any
     if isinstance(frames, tuple):
-        start, stop, step = frames[0], frames[1], 1
+        if len(frames) != 2:
+            raise ValueError(f"{what} are {shown(frames)}: a tuple has two numbers, the first frame and the end")
+        first, end, step = *frames, 1
+    elif isinstance(frames, (slice, range)):
+        first, end, step = frames.start, frames.stop, 1 if frames.step is None else frames.step
     else:
-        start, stop, step = frames.start or 0, frames.stop, frames.step or 1
+        wanted = "a slice such as slice(10, 20), a range, or a tuple (first, end)"
+        raise TypeError(f"{what} are {shown(frames)}: {wanted}")
     if step != 1:
-        raise ValueError(f"{what} follow one another: the step is {step}")
+        raise ValueError(f"{what} follow one another: the step is {shown(step)}")
+    start = 0 if first is None else _index(what, first, "a frame number")
+    stop = None if end is None else _index(what, end, "a frame number")
     if start < 0 or (stop is not None and stop <= start):
-        raise ValueError(f"{what} {start} to {stop}: there are none")
-    return int(start), None if stop is None else int(stop)
+        raise ValueError(f"{what} {shown(start)} to {shown(stop)}: there are none")
+    if max(start, stop or 0) > sys.maxsize:
+        raise ValueError(f"{what} {shown(start)} to {shown(stop)}: numbers up to {sys.maxsize}")
+    return start, stop
 
 
 def progress_of(progress: Callable[[int, int | None], object] | None) -> Callable[[int, int | None], object] | None:
@@ -110,3 +133,107 @@ def progress_of(progress: Callable[[int, int | None], object] | None) -> Callabl
     if progress is not None and not callable(progress):
         raise TypeError(f"progress is a function, not {type(progress).__name__}")
     return progress
+
+
+def shown(value: Any) -> str:
+    """Show a value in a message, which long values do not fill."""
+    if isinstance(value, int) and value.bit_length() > 128:
+        return f"an integer of {value.bit_length()} bits"
+    return reprlib.repr(value)
+
+
+def number_of(name: str, value: Any, unit: str) -> float:
+    """Check a number. It may be one of NumPy, but neither text nor a truth value."""
+    if isinstance(value, (str, bytes, bool, np.bool_)):
+        length = _metres_in(value) if unit == "metres" else None
+        hint = "" if length is None else f", such as {name}={length:g}"
+        raise TypeError(f"{name} is {shown(value)}: a number ({unit}){hint}")
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} is {shown(value)}: a number ({unit})") from None
+    except OverflowError:
+        raise ValueError(f"{name} is {shown(value)}: too large ({unit})") from None
+
+
+def voxel_of(name: str, value: Any) -> float | Literal["auto"]:
+    """Check the edge of a voxel: a length, or "auto"."""
+    if isinstance(value, str):
+        if value == "auto":
+            return "auto"
+        length = _metres_in(value) or 0.005
+        raise ValueError(f'{name} is {shown(value)}: a number (metres), such as {name}={length:g}, or "auto"')
+    return number_of(name, value, "metres")
+
+
+def _metres_in(text: object) -> float | None:
+    """Length (m) that a text such as ``5mm`` states, as the command line takes it."""
+    if not isinstance(text, str):
+        return None
+    found = re.fullmatch(r"([0-9]+\.?[0-9]*|\.[0-9]+)\s*(um|mm|cm|dm|m|)", text.strip())
+    return None if found is None else float(found[1]) * _METRES[found[2]]
+
+
+def whole_of(name: str, value: Any, low: int = 0, high: int = sys.maxsize) -> int:
+    """Check a whole number from ``low`` to ``high``."""
+    number = _index(name, value, "a whole number")
+    if not low <= number <= high:
+        wanted = f"from {low} on" if high == sys.maxsize else f"from {low} to {high}"
+        raise ValueError(f"{name} is {shown(number)}: a number {wanted}")
+    return number
+
+
+def bytes_of(name: str, value: Any) -> int:
+    """Check a number of bytes above 0."""
+    number = _index(name, value, "a number of bytes above 0")
+    if not 0 < number < 2**64:
+        raise ValueError(f"{name} is {shown(number)}: a number of bytes above 0 and below 2**64")
+    return number
+
+
+def _index(name: str, value: Any, what: str) -> int:
+    try:
+        if not isinstance(value, (bool, np.bool_)):
+            return operator.index(value)
+    except TypeError:
+        pass
+    raise TypeError(f"{name} is {shown(value)}: {what}")
+
+
+def flag_of(name: str, value: Any) -> bool:
+    """Check a truth value."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{name} is {shown(value)}: True or False")
+    return bool(value)
+
+
+def text_of(name: str, value: Any) -> str:
+    """Check a text."""
+    if not isinstance(value, str):
+        raise TypeError(f"{name} is {shown(value)}: text (str)")
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        raise ValueError(f"{name} is {shown(value)}: text with half of a surrogate pair") from None
+    return value
+
+
+def place_of(name: str, value: Any) -> tuple[float, float, float]:
+    """Check a place: three finite coordinates."""
+    x, y, z = numbers_of(name, value, 3, "coordinates (x, y, z)")
+    if not all(math.isfinite(coordinate) for coordinate in (x, y, z)):
+        raise ValueError(f"{name} is {shown(value)}: coordinates are finite")
+    return x, y, z
+
+
+def numbers_of(name: str, value: Any, count: int, what: str) -> tuple[float, ...]:
+    """Check a sequence of so many numbers."""
+    try:
+        parts = None if isinstance(value, (str, bytes)) else tuple(value)
+    except TypeError:
+        parts = None
+    if parts is None:
+        raise TypeError(f"{name} is {shown(value)}: {count} {what}")
+    if len(parts) != count:
+        raise ValueError(f"{name} is {shown(value)}: {count} {what}")
+    return tuple(number_of(name, part, what) for part in parts)

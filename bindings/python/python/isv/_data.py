@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._checks import colors_of, faces_of, normals_of, places_of
+from ._checks import colors_of, faces_of, normals_of, place_of, places_of
 
 __all__ = ["Camera", "ColorImage", "DepthImage", "Mesh", "Points", "Volume"]
 
@@ -229,7 +229,5 @@ def mesh_of(vertices: Any, faces: Any, colors: Any = None) -> Mesh:
 def points_of(positions: Any, normals: Any = None, colors: Any = None, viewpoint: Any = None) -> Points:
     """Check the parts of points."""
     places = places_of("positions", positions)
-    if viewpoint is not None:
-        x, y, z = (float(coordinate) for coordinate in viewpoint)
-        viewpoint = (x, y, z)
-    return Points(places, normals_of(normals, len(places)), colors_of(colors, len(places)), viewpoint)
+    place = None if viewpoint is None else place_of("viewpoint", viewpoint)
+    return Points(places, normals_of(normals, len(places)), colors_of(colors, len(places)), place)

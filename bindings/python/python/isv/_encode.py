@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _isv
-from ._checks import depth_of, frames_of, progress_of
+from ._checks import depth_of, frames_of, number_of, numbers_of, progress_of, shown
 from ._data import Camera, ColorImage, DepthImage, Mesh, Points, Volume, mesh_of, points_of
+from ._options import options_of
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -159,7 +160,7 @@ class Writer:
             ValueError: An option has a value that it cannot have, or two exclude each other.
             IsvError: The options do not go together (kind "options"), or the file cannot be made (kind "output").
         """
-        given = _given(options)
+        given = options_of(options)
         self._drops = bool(given.get("drop_invalid_points"))
         self._skips = bool(given.get("skip_bad_frames"))
         self._native = _isv.Writer(_sink(output), given)
@@ -188,7 +189,7 @@ class Writer:
                 negative; the writer is closed.
             IsvError: The frame cannot be used (kind "frame"), or there is no memory for it (kind "memory").
         """
-        if time is not None and not 0 <= time < 1e10:
+        if time is not None and not 0 <= (time := number_of("time", time, "seconds from 0 on")) < 1e10:
             raise ValueError(f"time is {time}: seconds from 0 on")
         if self._closed:
             raise ValueError("the writer is closed")
@@ -281,7 +282,7 @@ def encode(
     progress = progress_of(progress)
     wanted = frames_of(frames)
     if isinstance(source, (str, os.PathLike)):
-        given = _given(options)
+        given = options_of(options)
         if wanted is not None:
             given["frames"] = wanted
         path = os.fspath(source)
@@ -428,12 +429,13 @@ def _volume(volume: Volume) -> Volume:
         raise ValueError(f"distances have shape {distances.shape} in place of {shape}")
     if coords.size and np.abs(coords.astype(np.int64)).max() > 2**30:
         raise ValueError("coords: a block is too far away")
-    if not (volume.voxel > 0 and np.isfinite(volume.voxel)):
+    voxel = number_of("voxel", volume.voxel, "metres")
+    if not (voxel > 0 and np.isfinite(voxel)):
         raise ValueError(f"voxel is {volume.voxel}: a length is above 0 (metres)")
     if not 0 < volume.truncation < 2**16:
         raise ValueError(f"truncation is {volume.truncation}: a number of voxels above 0")
     coords, distances = coords.astype(np.int32, copy=False), distances.astype(np.float32, copy=False)
-    return Volume(float(volume.voxel), coords, distances, int(volume.truncation))
+    return Volume(voxel, coords, distances, int(volume.truncation))
 
 
 def _images(images: list[DepthImage | ColorImage]) -> list[DepthImage | ColorImage]:
@@ -454,15 +456,15 @@ def _images(images: list[DepthImage | ColorImage]) -> list[DepthImage | ColorIma
 def _camera(camera: Camera) -> tuple[tuple[float, float], tuple[float, float], list[list[float]]]:
     if not isinstance(camera, Camera):
         raise TypeError(f"a camera is an isv.Camera, not {type(camera).__name__}")
-    pose = np.asarray(camera.pose, np.float64)
+    try:
+        pose = np.asarray(camera.pose, np.float64)
+    except (TypeError, ValueError):
+        raise TypeError(f"a pose is {shown(camera.pose)}: numbers of shape (4, 4)") from None
     if pose.shape != (4, 4):
         raise ValueError(f"a pose has shape {pose.shape} in place of (4, 4)")
-    (fx, fy), (cx, cy) = camera.focal, camera.principal
-    return (float(fx), float(fy)), (float(cx), float(cy)), pose.tolist()
-
-
-def _given(options: EncodeOptions) -> dict[str, Any]:
-    return {name: value for name, value in options.items() if value is not None}
+    fx, fy = numbers_of("focal", camera.focal, 2, "focal lengths along x and y (pixels)")
+    cx, cy = numbers_of("principal", camera.principal, 2, "numbers, the column and row of the principal point (pixels)")
+    return (fx, fy), (cx, cy), pose.tolist()
 
 
 def _sink(output: Sink) -> object:

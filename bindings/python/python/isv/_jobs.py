@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from . import _isv
-from ._checks import frames_of, progress_of
+from ._checks import frames_of, number_of, place_of, progress_of, whole_of
 from ._encode import EncodeOptions
+from ._options import options_of
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -100,11 +101,11 @@ def evaluate(
     json_text = _isv.evaluate(
         paths[0],
         paths[1],
-        float(spacing),
+        number_of("spacing", spacing, "metres"),
         frames_of(frames),
         frames_of(test_frames, "test_frames"),
         [units, test_units],
-        [_place(origin), _place(test_origin)],
+        [_place("origin", origin), _place("test_origin", test_origin)],
         [up, test_up],
         [animation, test_animation],
         progress,
@@ -224,7 +225,7 @@ def settle(
         ValueError: An option has a value that it cannot have.
         IsvError: The take cannot be encoded with these options; its ``kind`` says what can be done about it.
     """
-    given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
+    given = options_of(options)
     if (wanted := frames_of(frames)) is not None:
         given["frames"] = wanted
     decided: dict[str, Any] = json.loads(_isv.settle_options(_there(source), given, int(every)))
@@ -281,9 +282,17 @@ def draw(
     """
     reference = None
     if against is not None:
-        reference = (_there(against), units, _place(origin), up, int(against_first))
+        reference = (_there(against), units, _place("origin", origin), up, int(against_first))
     numbers = [int(number) for number in frames]
-    _isv.draw(_there(path), os.fspath(output), numbers, int(size), columns, reference, float(error_range))
+    _isv.draw(
+        _there(path),
+        os.fspath(output),
+        numbers,
+        int(size),
+        columns,
+        reference,
+        number_of("error_range", error_range, "metres"),
+    )
 
 
 def cut(path: _Path, output: _Path, frames: slice | range | tuple[int, int]) -> int:
@@ -316,16 +325,13 @@ def set_threads(threads: int | None) -> None:
     Raises:
         ValueError: The number is below 1 or above 1024.
     """
-    if threads is not None and not 1 <= threads <= 1024:
-        raise ValueError(f"threads is {threads}: a number from 1 to 1024")
+    if threads is not None:
+        threads = whole_of("threads", threads, 1, 1024)
     _isv.set_threads(threads)
 
 
-def _place(place: Sequence[float] | None) -> tuple[float, float, float] | None:
-    if place is None:
-        return None
-    x, y, z = (float(coordinate) for coordinate in place)
-    return x, y, z
+def _place(name: str, place: Sequence[float] | None) -> tuple[float, float, float] | None:
+    return None if place is None else place_of(name, place)
 
 
 def _there(path: _Path) -> str:

@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import Any, Literal, Protocol, TypeAlias, overload, runtime_checkable
 
 from . import _isv
+from ._checks import bytes_of
 from ._data import Mesh, Points, Volume
 
 __all__ = ["Frame", "Source", "SurfaceParts", "Take", "open"]
@@ -210,8 +211,8 @@ class Take:
             raise ValueError(f"lod is 1, 2 or 4, not {lod!r}")
         if after_loss not in ("stop", "hold"):
             raise ValueError(f'after_loss is "stop" or "hold", not {after_loss!r}')
-        if memory_limit is not None and memory_limit < 1:
-            raise ValueError(f"memory_limit is {memory_limit}: a number of bytes above 0")
+        if memory_limit is not None:
+            memory_limit = bytes_of("memory_limit", memory_limit)
         if isinstance(source, (str, os.PathLike)):
             # An absolute path is the same file in another process.
             source = os.path.abspath(os.fspath(source))
