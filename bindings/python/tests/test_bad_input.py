@@ -54,6 +54,7 @@ BAD_FRAMES: list[tuple[Any, type[Exception], str]] = [
     (isv.Points(np.zeros((3, 3)), np.full((3, 3), np.nan, np.float32)), ValueError, "normals: row 0"),
     (np.zeros((3, 2)), ValueError, "positions have shape"),
     (np.full((3, 3), np.nan), ValueError, "positions: row 0"),
+    (np.array([[0, 1, 2]]), TypeError, r"points have dtype int64: .*isv\.Points\(array\)"),
     (depth(depth=np.zeros(8, np.float32)), ValueError, "a depth image has shape"),
     (depth(depth=np.zeros((8, 8), bool)), TypeError, "depths have dtype bool"),
     (depth(camera=camera(pose=np.eye(3))), ValueError, r"a pose has shape \(3, 3\)"),
@@ -443,6 +444,19 @@ def test_sources_and_outputs_of_other_types_are_refused(tmp_path: Path, stream: 
     with pytest.raises(ValueError, match="the step is 2"):
         isv.encode([box()], path, frames=slice(0, 9, 2))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_one_mesh_in_place_of_a_source_is_refused(tmp_path: Path, stream: Path) -> None:
+    path = tmp_path / "take.isv"
+    path.write_bytes(stream.read_bytes())
+    vertices, faces = np.array(TRIANGLE), np.array([[0, 1, 2]])
+    for mesh in ((vertices, faces), (vertices, faces, np.zeros((3, 3), np.uint8))):
+        with pytest.raises(TypeError, match=r"A source of one mesh is \[\(vertices, faces\)\]"):
+            isv.encode(mesh, path, voxel=VOXEL, skip_bad_frames=True)
+        assert path.read_bytes() == stream.read_bytes()
+    # Points on a lattice of integers are points where their type says so.
+    report = isv.encode([isv.Points(faces)], path, voxel=0.5)
+    assert report.frames == 1
 
 
 def test_negative_times_and_units_of_cameras_are_refused() -> None:

@@ -179,7 +179,7 @@ class Writer:
         Args:
             frame: One of: :class:`Mesh`, ``(vertices, faces)`` or ``(vertices, faces, colors)``, a ``trimesh.Trimesh``
                 or ``trimesh.PointCloud``, an ``open3d`` mesh or point cloud of either API, :class:`Points`, an array
-                of positions (N, 3), :class:`DepthImage` or a list of these and of :class:`ColorImage`,
+                of positions (N, 3) as floats, :class:`DepthImage` or a list of these and of :class:`ColorImage`,
                 :class:`Volume`.
             time: Time at which it was taken (s), from any start. Later frames have later times.
 
@@ -335,6 +335,11 @@ def frame_of(frame: Any, *, drop_invalid: bool = False) -> AnyFrame:
         case DepthImage() | ColorImage():
             return _images([frame])
         case np.ndarray():
+            if frame.size and frame.dtype.kind in "iu":
+                raise TypeError(
+                    f"points have dtype {frame.dtype}: an array of points has floats (metres). "
+                    "A source of one mesh is [(vertices, faces)]. Points of integers are isv.Points(array)."
+                )
             return _points(frame, None, None, None, drop_invalid)
         case list() if frame and all(isinstance(image, (DepthImage, ColorImage)) for image in frame):
             return _images(frame)
