@@ -459,6 +459,29 @@ def test_one_mesh_in_place_of_a_source_is_refused(tmp_path: Path, stream: Path) 
     assert report.frames == 1
 
 
+def test_a_source_without_frames_replaces_no_stream(tmp_path: Path, stream: Path) -> None:
+    path, sink = tmp_path / "take.isv", io.BytesIO()
+    path.write_bytes(stream.read_bytes())
+    bad = isv.Mesh(np.full((3, 3), np.nan), np.array([[0, 1, 2]]))
+    sources: list[tuple[Any, dict[str, Any], str]] = [
+        ([], {}, "there are no frames$"),
+        (iter(()), {}, "there are no frames$"),
+        ([box()], {"frames": slice(3, 5)}, r"there are no frames \(frames 3 to 4\)"),
+        ((box() for _ in range(2)), {"frames": slice(2, None)}, r"there are no frames \(frames from 2 on\)"),
+        ([bad, bad], {"skip_bad_frames": True}, "no frame could be used, 2 skipped"),
+    ]
+    for source, options, words in sources:
+        with pytest.raises(ValueError, match=words):
+            isv.encode(source, path, voxel=VOXEL, **options)
+        assert path.read_bytes() == stream.read_bytes() and list(tmp_path.iterdir()) == [path]
+    with pytest.raises(ValueError, match="there are no frames"):
+        isv.encode([], sink, voxel=VOXEL)
+    assert sink.getvalue() == b""
+    # Frames without a surface are frames.
+    empty = isv.Mesh(np.zeros((0, 3)), np.zeros((0, 3), int))
+    assert isv.encode([empty], path, voxel=VOXEL).empty == 1
+
+
 def test_negative_times_and_units_of_cameras_are_refused() -> None:
     with isv.Writer(io.BytesIO(), voxel=VOXEL) as writer:
         writer.push(box())

@@ -273,7 +273,7 @@ def encode(
     Raises:
         OSError: The source is not there.
         TypeError: The source, a frame or an option is of another type.
-        ValueError: An option or an array has a value that it cannot have.
+        ValueError: An option or an array has a value that it cannot have, or the source has no frames.
         IsvError: The job failed; its ``kind`` says what can be done about it.
 
     A job that ends with an exception, such as KeyboardInterrupt, leaves nothing of its output, and a file that was
@@ -314,9 +314,18 @@ def encode(
             done += 1
             if progress is not None:
                 progress(done, total)
+        if writer._skipped == done:
+            # The exception keeps what is at the output now.
+            why = f"no frame could be used, {done} skipped" if done else "there are no frames"
+            raise ValueError(f"the source: {why}" + ("" if wanted is None else f" ({_told(wanted)})"))
     report = writer.report
     assert report is not None
     return report
+
+
+def _told(frames: tuple[int, int | None]) -> str:
+    start, stop = frames
+    return f"frames from {start} on" if stop is None else f"frames {start} to {stop - 1}"
 
 
 AnyFrame: TypeAlias = Mesh | Points | Volume | list[DepthImage | ColorImage]
