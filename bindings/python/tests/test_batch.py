@@ -476,6 +476,35 @@ def test_a_wrong_command_line_is_status_2(tmp_path: Path, words: list[str], said
     assert "Traceback" not in done.stderr and not (tmp_path / "p.json").exists()
 
 
+@pytest.mark.parametrize(
+    ("words", "options"),
+    [
+        (["--up", "-y"], {"up": "-y"}),
+        (["--up=-z"], {"up": "-z"}),
+        (["--up", "-x", "--units", "mm"], {"up": "-x", "units": "mm"}),
+        (["--up", "z"], {"up": "z"}),
+        (["--viewpoint", "-1,0,0"], {"viewpoint": [-1, 0, 0]}),
+        (["--viewpoint=-1,0,0"], {"viewpoint": [-1, 0, 0]}),
+        (["--view", "-.5,0,-2e-1"], {"viewpoint": [-0.5, 0, -0.2]}),
+        (["--origin", "-1,0,0", "--up", "-y"], {"origin": [-1, 0, 0], "up": "-y"}),
+    ],
+)
+def test_values_may_begin_with_a_minus_sign(tmp_path: Path, words: list[str], options: dict[str, Any]) -> None:
+    take, plan = write_take(tmp_path / "take", 1), tmp_path / "plan.json"
+    given = ["plan", str(take), *words, "-o", str(plan), "--voxel", "4cm", "--workers", "1"]
+    assert main(given) == 0
+    assert Plan.open(plan).header["options"] == {"voxel": COARSE, **options}
+
+
+def test_an_option_without_its_value_takes_no_other_option(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["isv-batch", "plan", str(tmp_path), "--up", "-o", "plan.json"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2 and "--up: expected one argument" in capsys.readouterr().err
+
+
 def test_files_that_are_no_plans_are_refused(tmp_path: Path) -> None:
     for text in ("", "{}", '{"isv_batch_plan": 99}', "[1, 2]"):
         (tmp_path / "p.json").write_text(text)

@@ -263,9 +263,29 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+_SIGNED = ("--up", "--origin", "--viewpoint")
+"""Options whose values may begin with a minus sign."""
+
+
+def _joined(words: Sequence[str]) -> list[str]:
+    """Join options and values that begin with a minus sign: argparse takes ``--up=-y``, but not ``--up -y``."""
+    joined: list[str] = []
+    for number, word in enumerate(words):
+        if word == "--":
+            return [*joined, *words[number:]]
+        last = joined[-1] if joined else ""
+        # Options may be shortened, as `--view`.
+        is_signed = len(last) > 2 and any(option.startswith(last) for option in _SIGNED)
+        if is_signed and re.match(r"-([xyz]$|\.?[0-9])", word):
+            joined[-1] = f"{last}={word}"
+        else:
+            joined.append(word)
+    return joined
+
+
 def main(words: Sequence[str] | None = None) -> int:
     """Run the command line. Returns the exit status."""
-    args = _parser().parse_args(words)
+    args = _parser().parse_args(_joined(sys.argv[1:] if words is None else words))
     try:
         status_code: int = args.job(args)
         return status_code
