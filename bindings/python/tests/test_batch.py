@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 import textwrap
+import zlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ from isv.batch.engines import ordered
 from isv.batch.plan import shard_length
 from isv.batch.rate import PROBES, Line, corrected, quality_for
 from isv.batch.report import rows, status, write_report
-from isv.batch.sources import find_takes
+from isv.batch.sources import Source, find_takes
 from isv.batch.tasks import run_task
 
 from conftest import Command, box, half_written, skip_without, write_ply, write_take
@@ -352,6 +353,48 @@ def test_takes_are_found_in_folders_files_and_patterns(tmp_path: Path) -> None:
     assert shard_length(30, None) == 300 and shard_length(7, None) == 301 and shard_length(1000, None) == 1000
     with pytest.raises(ValueError, match="multiple of --gop"):
         shard_length(30, 100)
+
+
+def write_depth_take(folder: Path, frames: int) -> Path:
+    """Write a take of flat depth images at 1 m, as 16-bit PNG files beside their calibration."""
+    (folder / "depth").mkdir(parents=True)
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return len(data).to_bytes(4, "big") + kind + data + zlib.crc32(kind + data).to_bytes(4, "big")
+
+    wide, high = 64, 48
+    lines = (b"\0" + (1000).to_bytes(2, "big") * wide) * high
+    head = wide.to_bytes(4, "big") + high.to_bytes(4, "big") + bytes([16, 0, 0, 0, 0])
+    picture = chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(lines)) + chunk(b"IEND", b"")
+    for number in range(frames):
+        (folder / "depth" / f"frame_{number:04}.png").write_bytes(b"\x89PNG\r\n\x1a\n" + picture)
+    pose = [[float(row == column) for column in range(4)] for row in range(4)]
+    lens = {"width": wide, "height": high, "fx": 60.0, "fy": 60.0, "cx": 32.0, "cy": 24.0, "depth_scale_m": 0.001}
+    (folder / "camera.json").write_text(json.dumps({**lens, "fps": 30, "poses": [pose] * frames}))
+    return folder
+
+
+def test_links_to_folders_are_followed_and_loops_left_out(tmp_path: Path) -> None:
+    real, take = write_depth_take(tmp_path / "real", 2), tmp_path / "take"
+    take.mkdir()
+    (take / "depth").symlink_to(real / "depth")
+    (take / "camera.json").symlink_to(real / "camera.json")
+    plan = planned(tmp_path, [take])
+    described = next(plan.takes())
+    assert described.get("error") is None and described["frames"] == [0, 2]
+    # Images behind the link are inputs.
+    assert inline(plan, tmp_path / "out").done == 1
+    assert described["shards"][0]["inputs"] == Source(str(take)).fingerprint(0, 2, tmp_path)
+    (real / "depth" / "frame_0001.png").write_bytes(b"another")
+    assert described["shards"][0]["inputs"] != Source(str(take)).fingerprint(0, 2, tmp_path)
+    # Two links to one folder are two folders. A link to a folder above has no files of its own.
+    (take / "other").symlink_to(real / "depth")
+    (real / "depth" / "up").symlink_to(take)
+    (take / "itself").symlink_to(take)
+    depths = [f"{folder}/frame_{number:04}.png" for folder in ("depth", "other") for number in range(2)]
+    names = Store(str(take)).names()
+    assert names == ["camera.json", *depths]
+    assert Store(str(tmp_path / "gone")).names() == [] == Store(str(take / "camera.json")).names()
 
 
 class Simulated:

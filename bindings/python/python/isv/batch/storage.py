@@ -9,6 +9,7 @@ import shutil
 import tempfile
 import time
 import uuid
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,24 @@ _ATOMIC = {"s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "adl"}
 def is_url(path: str) -> bool:
     """Whether a path names a file system, as ``s3://bucket/takes`` does."""
     return "://" in path
+
+
+def _files_in(folder: str, above: frozenset[tuple[int, int]]) -> Iterator[str]:
+    """The names of files in a local folder and in its folders, except in links to folders ``above`` (device, inode)."""
+    try:
+        status, entries = os.stat(folder), sorted(os.listdir(folder))
+    except (FileNotFoundError, NotADirectoryError, PermissionError):
+        return
+    place = (status.st_dev, status.st_ino)
+    if place in above:
+        return
+    for entry in entries:
+        path = os.path.join(folder, entry)
+        if os.path.isdir(path):
+            for name in _files_in(path, above | {place}):
+                yield f"{entry}/{name}"
+        else:
+            yield entry
 
 
 class Store:
@@ -143,14 +162,21 @@ class Store:
             self._fs.invalidate_cache()
 
     def names(self, folder: str = "") -> list[str]:
-        """The names of files in a folder and in its folders, in order, without those that are not whole."""
-        self._fs.invalidate_cache()
+        """The names of files in a folder and in its folders, in order, without those that are not whole.
+
+        Links to local folders are followed.
+        """
         root = self.path(folder)
-        try:
-            found = self._fs.find(root)
-        except FileNotFoundError:
-            return []
-        names = (str(path)[len(root) :].lstrip("/") for path in found)
+        names: Iterable[str]
+        if self.is_local:
+            names = _files_in(root, frozenset())
+        else:
+            self._fs.invalidate_cache()
+            try:
+                found = self._fs.find(root)
+            except FileNotFoundError:
+                return []
+            names = (str(path)[len(root) :].lstrip("/") for path in found)
         return sorted(name for name in names if name and not name.endswith(".part"))
 
     def sweep(self, folder: str, older_s: float = 3600.0) -> None:
