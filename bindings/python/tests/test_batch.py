@@ -120,13 +120,20 @@ def test_a_run_goes_on_where_it_stopped_and_redoes_what_has_changed(tmp_path: Pa
     plan = planned(tmp_path, takes)
     assert inline(plan, out).encoded == 4
     again = inline(plan, out)
-    assert (again.done, again.reused, again.encoded) == (0, 2, 0)
+    assert (again.done, again.reused, again.encoded, again.kept) == (0, 2, 0, 4)
     # One shard is lost with its take: as if the run had been stopped before it.
     shards = out / "takes" / "a" / "shards"
     (shards / "0000004-0000008.json").unlink()
     (out / "takes" / "a" / "take.json").unlink()
     again = inline(plan, out)
-    assert (again.done, again.reused, again.encoded, again.kept) == (1, 1, 1, 1)
+    assert (again.done, again.reused, again.encoded, again.kept) == (1, 1, 1, 3)
+    # Inputs of finished takes are not looked at again.
+    frame = takes[0] / "frame_0005.ply"
+    as_planned = frame.read_bytes()
+    write_ply(frame, box(0.3))
+    again = inline(plan, out)
+    assert (again.done, again.reused, again.failures) == (0, 2, 0)
+    frame.write_bytes(as_planned)
     # An input changes: the plan of before refuses it, a new one redoes the shard that it is in.
     before = (out / "takes" / "b" / "take.isv").read_bytes()
     (out / "takes" / "b" / "take.json").unlink()
@@ -136,7 +143,7 @@ def test_a_run_goes_on_where_it_stopped_and_redoes_what_has_changed(tmp_path: Pa
     assert refused.failures == 1 and "frames 4..8 have changed" in refused.failed[0][1]
     assert (out / "takes" / "b" / "take.isv").read_bytes() == before
     again = inline(planned(tmp_path, takes), out)
-    assert (again.done, again.reused, again.encoded, again.kept) == (1, 1, 1, 1)
+    assert (again.done, again.reused, again.encoded, again.kept) == (1, 1, 1, 3)
     assert (out / "takes" / "b" / "take.isv").read_bytes() == serial(takes[1], tmp_path / "serial.isv")
     assert [row["status"] for row in rows(plan, Store(str(out)))] == ["done", "done"]
     # Other settings are another stream.
@@ -202,7 +209,7 @@ def test_a_full_disk_leaves_nothing_half_written(tmp_path: Path, monkeypatch: py
     assert len(tries) == 1 and half_written(out) == []
     assert not (out / "takes" / "b" / "take.isv").exists()
     again = inline(plan, out)
-    assert (again.done, again.encoded, again.kept) == (1, 1, 1)
+    assert (again.done, again.encoded, again.kept) == (1, 1, 5)
     assert (out / "takes" / "b" / "take.isv").read_bytes() == serial(takes[1], tmp_path / "serial.isv")
 
 
@@ -290,6 +297,8 @@ def test_finished_takes_are_measured_drawn_and_packaged(tmp_path: Path) -> None:
     assert picture.startswith(b"\x89PNG") and int.from_bytes(picture[16:20], "big") >= 2 * 64
     # Points and their figures: there is no surface to draw errors against.
     assert (tmp_path / "out" / "takes" / "points" / "worst.png").exists()
+    again = inline(plan, tmp_path / "out", choices)
+    assert (again.reused, again.encoded, again.kept) == (2, 0, 0), "discarded shards are not there"
     # What is made of shards can change without them; here they are gone, and are encoded again.
     again = inline(plan, tmp_path / "out", Choices(sample=1, pictures=0))
     assert (again.done, again.encoded) == (2, 3)
@@ -481,7 +490,9 @@ def test_the_command_plans_runs_and_reports(tmp_path: Path, capsys: pytest.Captu
     assert "--output" in capsys.readouterr().err
     words = ["run", plan, "--output", out, "--sample", 2, "--picture-size", 64, "--workers", 2]
     assert main([str(word) for word in words]) == 0
-    assert "2 takes done, 0 were there, 0 failed; 6 shards encoded" in capsys.readouterr().out
+    assert "2 takes done, 0 were there, 0 failed; 6 shards encoded, 0 were there" in capsys.readouterr().out
+    assert main([str(word) for word in words]) == 0
+    assert "0 takes done, 2 were there, 0 failed; 0 shards encoded, 6 were there" in capsys.readouterr().out
     assert main(["status", str(plan), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert (told["takes"], told["done"], told["waiting"], told["output"]) == (2, 2, 0, str(out))

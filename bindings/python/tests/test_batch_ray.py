@@ -275,7 +275,7 @@ def test_takes_of_an_object_store_become_the_same_streams_there(bucket: str, tmp
     store_in.publish(takes[1] / "frame_0000.ply", "a/frame_0005.ply")
     with InlineEngine() as engine:
         again = run(plan_of(tmp_path, f"{bucket}/in"), store, engine, Choices(sample=2, pictures=1, picture_size=64))
-    assert (again.done, again.reused, again.encoded, again.kept) == (1, 1, 1, 1)
+    assert (again.done, again.reused, again.encoded, again.kept) == (1, 1, 1, 3)
 
 
 def plan_of(folder: Path, url: str) -> Plan:

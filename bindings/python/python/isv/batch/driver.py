@@ -56,7 +56,7 @@ class Summary:
         failed: Name and error of takes that failed; of more than a hundred the first.
         failures: Number of takes that failed.
         encoded: Shards that were encoded.
-        kept: Shards that were there already.
+        kept: Shards that were there already. Those of takes that were there count too, unless shards are discarded.
     """
 
     done: int = 0
@@ -264,6 +264,7 @@ def run(
                 ready.extend(tasks)
             else:
                 summary.reused += 1
+                summary.kept += 0 if chosen.discard_shards else len(take["shards"])
                 output.remove(f"{take_folder(take)}/error.json")
                 ended(name, None)
 
