@@ -1,4 +1,4 @@
-"""Arrays from outside: each is what it should be, or there is one exception that says what is wrong."""
+"""Arguments from outside: each is what it should be, or there is one exception that says what is wrong."""
 
 from __future__ import annotations
 
