@@ -159,11 +159,7 @@ impl Reader {
     }
 
     /// Uses the reader.
-    fn with<T: Send>(
-        &self,
-        py: Python<'_>,
-        work: impl FnOnce(&mut isv::Reader) -> T + Send,
-    ) -> PyResult<T> {
+    fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut isv::Reader) -> T + Send) -> PyResult<T> {
         self.reader.with(py, work)
     }
 }

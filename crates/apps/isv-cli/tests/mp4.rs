@@ -135,7 +135,8 @@ fn what_cannot_be_is_said_in_a_sentence() {
 fn files_are_named_after_what_is_in_them() {
     let (work, _) = workspace();
     work.isv(&["mux", "take.isv", "-o", "x.isv"]).fails(2, &["x.isv: this makes an MP4 file"]);
-    work.isv(&["demux", "take.mp4", "-o", "x.mp4"]).fails(2, &["x.mp4: a stream has a name such as take.isv"]);
+    work.isv(&["demux", "take.mp4", "-o", "x.mp4"])
+        .fails(2, &["x.mp4: a stream has a name such as take.isv"]);
     work.write("text.isv", "no stream, but text that is longer than the header of one is");
     work.isv(&["mux", "text.isv", "-o", "x.mp4"]).fails(1, &["text.isv: not an .isv stream"]);
     assert!(!work.path("x.isv").exists() && !work.path("x.mp4").exists());
@@ -145,7 +146,8 @@ fn files_are_named_after_what_is_in_them() {
 fn a_fragment_whose_name_is_damaged_is_missed() {
     let (work, bytes) = workspace();
     let file = work.read("take.mp4");
-    let places = (0..file.len() - 4).filter(|at| [b"moof", b"trun"].iter().any(|name| file[*at..].starts_with(*name)));
+    let places =
+        (0..file.len() - 4).filter(|at| [b"moof", b"trun"].iter().any(|name| file[*at..].starts_with(*name)));
     let places: Vec<_> = places.collect();
     assert!(places.len() > 3);
     for at in places {
@@ -336,5 +338,6 @@ fn a_file_that_is_cut_off_has_its_first_frames() {
     assert!(said.contains("cut.mp4: ends without an index"), "{said}");
     let first = open(&work, "take.mp4").tracks()[0].samples[0];
     work.write("none.mp4", &bytes[..first.at as usize + 10]);
-    work.isv(&["demux", "none.mp4", "-o", "none.isv"]).fails(1, &["none.mp4: no frame of the stream is there"]);
+    work.isv(&["demux", "none.mp4", "-o", "none.isv"])
+        .fails(1, &["none.mp4: no frame of the stream is there"]);
 }

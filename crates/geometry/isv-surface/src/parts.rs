@@ -100,9 +100,10 @@ impl SurfaceParts {
         Ok(PartChanges { changed, removed })
     }
 
-    /// Takes the next volume, as [`Self::update_within`], for a caller that keeps the meshes itself: `part` gets each one that changed,
-    /// by its block with the lowest coordinates, in order. Here the parts are empty from then on. Returns the parts that have no
+    /// Takes the next volume, as [`Self::update_within`], for a caller that keeps the meshes itself. Returns the parts that have no
     /// triangles any more.
+    ///
+    /// `part` gets each mesh that changed, in order, with its block of the lowest coordinates. Here these parts are empty then.
     ///
     /// # Errors
     /// [`TooManyVertices`], perhaps after some parts were given. The surface is that of nothing again.

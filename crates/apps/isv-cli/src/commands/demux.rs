@@ -31,7 +31,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     }
     if let Some(output) = args.output.as_deref().filter(|output| has_ending(output, "mp4")) {
         let output = output.display();
-        return Err(usage(format!("{output}: a stream has a name such as take.isv; --tracks makes MP4 files")));
+        return Err(usage(format!(
+            "{output}: a stream has a name such as take.isv; --tracks makes MP4 files"
+        )));
     }
     if let Some(path) = &args.tracks {
         let tracks = tracks_beside(&input, None)?;

@@ -1,5 +1,6 @@
 //! The metadata of a stream that is encoded: what the user says of it, and what was decided.
 
+use super::error::{OptionName, OptionsError};
 use super::options::DEFAULT_QUALITY;
 use super::volumes::SurfaceDecision;
 use super::{EncodeOptions, ProfileChoice};
@@ -7,7 +8,6 @@ use crate::Up;
 use crate::metadata::{Metadata, MetadataChoice, SourceMetadata, SurfaceMetadata};
 use isv_encode::{Preset, RateTarget};
 use isv_format::{FormatVersion, MetadataText, StreamHeader};
-use super::error::{OptionName, OptionsError};
 use serde_json::{Map, Value, json};
 use std::sync::{Arc, OnceLock};
 

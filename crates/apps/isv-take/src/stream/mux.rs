@@ -23,7 +23,11 @@ pub fn mux<W: Write>(
     let fault = |error: isv_format::FormatError| EditError::from(StreamFault::from(error).in_stream(&name));
     let mut begin = source(input)?;
     let mut header = Vec::new();
-    begin.by_ref().take(StreamHeader::BYTES as u64).read_to_end(&mut header).map_err(|error| fault(error.into()))?;
+    begin
+        .by_ref()
+        .take(StreamHeader::BYTES as u64)
+        .read_to_end(&mut header)
+        .map_err(|error| fault(error.into()))?;
     // Of what is no stream no file is made.
     drop(PacketReader::new(&header[..]).map_err(fault)?);
     let source = io::Cursor::new(header).chain(begin);
