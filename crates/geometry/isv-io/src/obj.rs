@@ -5,7 +5,7 @@
 //! have the normals of a file that has one a vertex.
 
 mod colours;
-mod mtl;
+pub(crate) mod mtl;
 mod write;
 
 use crate::error::{Flaw, Malformation, quote};

@@ -1,5 +1,7 @@
 //! Content of files that isv does not keep: sound, and textures, materials and colours where they are dropped.
 
+use crate::linked::Linked;
+use crate::obj::mtl;
 use crate::text::{lines, words};
 use crate::{Colours, Format, e57, las, text};
 use serde_json::Value;
@@ -22,16 +24,37 @@ const SOUNDS: [&str; 8] = ["aac", "aif", "flac", "m4a", "mp3", "ogg", "opus", "w
 /// The start of the file is looked at, or the XML of E57. A file that cannot be read holds nothing here: reading it tells.
 #[must_use]
 pub fn passed_over(path: &Path, colours: Colours) -> Vec<String> {
-    let dropped = match colours {
-        Colours::Keep => None,
-        Colours::Drop => in_file(path),
+    let mut found: Vec<String> = match colours {
+        Colours::Keep => missing_library(path).into_iter().collect(),
+        Colours::Drop => in_file(path).unwrap_or_default().into_iter().map(str::to_owned).collect(),
     };
-    let mut found: Vec<String> = dropped.unwrap_or_default().into_iter().map(str::to_owned).collect();
     let sounds = path
         .parent()
         .and_then(|folder| sound_in(if folder.as_os_str().is_empty() { Path::new(".") } else { folder }));
     found.extend(sounds.map(|name| format!("sound ({name})")));
     found
+}
+
+/// The materials of an OBJ file none of whose libraries is there. A library is named in its first lines.
+fn missing_library(path: &Path) -> Option<String> {
+    Format::of_path(path).filter(|format| *format == Format::Obj)?;
+    let mut start = Vec::new();
+    let file = File::open(path).ok().filter(|file| file.metadata().is_ok_and(|data| data.is_file()))?;
+    file.take(LOOKED_AT).read_to_end(&mut start).ok()?;
+    let start = text::decode(&start);
+    let named = lines(&start).filter_map(|line| match text::first_word(line) {
+        Some((b"mtllib", name)) => Some(mtl::name(name)),
+        _ => None,
+    });
+    let named: Vec<String> = named.collect();
+    let linked = Linked::beside(path);
+    // One name with blanks, or several names.
+    let is_there =
+        |name: &String| linked.is_there(name) || name.split_whitespace().any(|name| linked.is_there(name));
+    match named.first() {
+        Some(first) if !named.iter().any(is_there) => Some(format!("materials ({first} is not there)")),
+        _ => None,
+    }
 }
 
 fn in_file(path: &Path) -> Option<Vec<&'static str>> {
@@ -134,6 +157,23 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join(name), bytes).unwrap();
         passed_over(&folder.path().join(name), Colours::Drop)
+    }
+
+    #[test]
+    fn a_library_of_materials_that_is_not_there_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("frame.obj");
+        let found = |text: &str| {
+            fs::write(&path, text).unwrap();
+            passed_over(&path, Colours::Keep)
+        };
+        let none: [&str; 0] = [];
+        assert_eq!(found("v 0 0 0\n"), none);
+        assert_eq!(found("mtllib my skin.mtl\nv 0 0 0\n"), ["materials (my skin.mtl is not there)"]);
+        fs::write(folder.path().join("my skin.mtl"), "newmtl a").unwrap();
+        assert_eq!(found("mtllib my skin.mtl\nv 0 0 0\n"), none);
+        fs::write(folder.path().join("b.mtl"), "newmtl b").unwrap();
+        assert_eq!(found("mtllib a.mtl b.mtl\n"), none);
     }
 
     #[test]

@@ -118,6 +118,11 @@ pub enum EncodeEvent {
         /// Name of the frame.
         name: String,
     },
+    /// A frame has colours that are not coded, as the first one had none.
+    ColourComesLater {
+        /// Name of the frame.
+        name: String,
+    },
     /// A frame was left out.
     Skipped {
         /// What was wrong with it.
@@ -218,6 +223,10 @@ impl fmt::Display for EncodeEvent {
                 write!(f, "{name}: only {diagonal} across, less than a block")
             }
             Self::NoSurface { name } => write!(f, "{name}: no surface in this frame"),
+            Self::ColourComesLater { name } => write!(
+                f,
+                "{name}: its colours are not kept, as the first frame has none; --expect-colour makes room for them"
+            ),
             Self::Skipped { why } => write!(f, "skipped: {why}"),
             Self::ErrorMissed { frame, error, bound } => write!(
                 f,

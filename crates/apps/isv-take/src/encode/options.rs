@@ -493,6 +493,9 @@ impl EncodeOptions {
             observer: Arc::clone(observer),
             surface: Arc::default(),
             colour_spacing_m,
+            lacks_room_for_colour: colour_spacing_m.is_none()
+                && !self.colour.is_dropped
+                && profile == ProfileChoice::Main,
             colours: Vec::new(),
             colours_stand: false,
         }

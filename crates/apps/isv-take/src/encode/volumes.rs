@@ -86,6 +86,8 @@ pub(super) struct VolumeMaker {
     pub(super) surface: Arc<OnceLock<SurfaceDecision>>,
     /// Distance between the colours that are sampled on meshes (m); nothing if no colours are wanted.
     pub(super) colour_spacing_m: Option<f64>,
+    /// Whether colours would be wanted, but the stream has no room for them. Not set any more once that was said of a frame.
+    pub(super) lacks_room_for_colour: bool,
     /// Colours sampled on the current frame.
     pub(super) colours: Vec<ColourSample>,
     /// Whether these have hardly changed.
@@ -126,7 +128,11 @@ impl VolumeMaker {
         frame: CapturedFrame,
         read: SystemTime,
     ) -> Result<IngestedFrame, EncodeError> {
+        let has_colour = frame.has_colour();
         let CapturedFrame { number, name, timestamp_ns, content, colour, views } = frame;
+        if has_colour && take(&mut self.lacks_room_for_colour) {
+            self.tell(EncodeEvent::ColourComesLater { name: name.clone() });
+        }
         if self.groups.enter(number) {
             self.forget();
         }

@@ -117,7 +117,7 @@ fn parts_that_changed_make_up_the_surface() {
             triangle += triangle_count as usize;
         }
         assert_eq!((vertex, triangle, parts.len()), (vertices.len(), triangles.len(), *part_count));
-        let mut in_parts: Vec<_> = parts.values().flatten().map(|corners| bits(corners)).collect();
+        let mut in_parts: Vec<_> = parts.values().flatten().map(bits).collect();
         session.extract_surface(true).unwrap();
         let Surface { vertices, normals, triangles, .. } = session.surface();
         let corner = |v: u32| (vertices[v as usize], normals[v as usize]);

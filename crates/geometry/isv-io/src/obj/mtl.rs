@@ -46,7 +46,7 @@ pub(super) fn parse(bytes: &[u8]) -> Vec<Mtl> {
 }
 
 /// A name, which is all that is left of its line: blanks and `#` belong to it, quotes around it do not.
-pub(super) fn name(rest: &[u8]) -> String {
+pub(crate) fn name(rest: &[u8]) -> String {
     let rest = rest.trim_ascii();
     let inner = rest.strip_prefix(b"\"").and_then(|rest| rest.strip_suffix(b"\""));
     String::from_utf8_lossy(inner.unwrap_or(rest)).into_owned()
