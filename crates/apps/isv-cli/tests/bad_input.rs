@@ -416,6 +416,25 @@ fn pictures_replace_pictures_alone() {
 }
 
 #[test]
+fn colours_that_come_after_the_first_frame_are_told_of() {
+    let work = Workspace::with_painted_figure(3);
+    let plain = Workspace::with_figure(1).read("frames/frame_0.ply");
+    let name = |frame: usize| format!("frames/frame_{frame}.ply");
+    work.write(&name(0), plain);
+    let run = ["encode", "frames", "-o", "x.isv", "--voxel", "30mm"];
+    let said = work.isv(&run).done().stderr();
+    let about: Vec<_> = said.lines().filter(|line| line.contains("colours are not kept")).collect();
+    assert!(
+        about.len() == 1 && about[0].contains("frame_1") && about[0].contains("--expect-colour"),
+        "{said}"
+    );
+    for more in ["--no-colour", "--expect-colour"] {
+        let said = work.isv(&[&run[..], &[more]].concat()).done().stderr();
+        assert!(!said.contains("colours are not kept"), "{said}");
+    }
+}
+
+#[test]
 fn a_title_has_an_end() {
     let work = Workspace::with_figure(1);
     let title = "x".repeat(5000);
