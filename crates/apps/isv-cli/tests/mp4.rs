@@ -182,6 +182,8 @@ fn a_rate_that_no_sound_has_is_refused() {
         work.write("sound.wav", &sound);
         work.isv(&["mux", "take.isv", "--audio", "sound.wav", "-o", "x.mp4"]).fails(1, &[words]);
     }
+    work.isv(&["mux", "take.isv", "--audio", "sound.wav", "--pcm", "-o", "x.mp4"])
+        .fails(1, &["waveforms of 4000 to 384000 Hz are taken, not of 4294967295 Hz"]);
     sound[24..28].copy_from_slice(&384_000u32.to_le_bytes());
     work.write("sound.wav", &sound);
     work.isv(&["mux", "take.isv", "--audio", "sound.wav", "-o", "x.mp4"]).done();

@@ -22,7 +22,7 @@ const MOST_BYTES: usize = 4000;
 const LEAST_BITS: u32 = 6_000;
 const MOST_BITS: u32 = 510_000;
 /// Sample rates that are resampled, in Hz: the filter takes memory by the rate.
-const SAMPLE_RATES: RangeInclusive<u32> = 4_000..=384_000;
+pub(crate) const SAMPLE_RATES: RangeInclusive<u32> = 4_000..=384_000;
 
 /// The sample entry of Opus, in which all sound has 48 kHz and 16 bits.
 pub(crate) fn sample_entry(dops: Dops) -> Opus {

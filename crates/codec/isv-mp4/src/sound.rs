@@ -273,6 +273,13 @@ fn sample_entry(packets: &Packets) -> Result<Vec<u8>, Mp4Error> {
                 });
             });
         }
+        _ if !SAMPLE_RATES.contains(&packets.sample_rate) => {
+            let (least, most) = SAMPLE_RATES.into_inner();
+            return Err(Mp4Error::Unsupported(format!(
+                "waveforms of {least} to {most} Hz are taken, not of {} Hz",
+                packets.sample_rate
+            )));
+        }
         _ => match Waveform::of(codec) {
             Some(form @ (Waveform::S16 | Waveform::S24 | Waveform::S32)) => {
                 waveform_entry(&mut entry, b"ipcm", packets, form);

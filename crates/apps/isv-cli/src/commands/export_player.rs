@@ -1,7 +1,7 @@
 //! `isv export-player`: the player for any web host.
 
 use crate::interrupt;
-use crate::output::say;
+use crate::output::{quoted, say};
 use crate::serving::{ShowArgs, check_streams};
 use anyhow::{Result, bail};
 use isv::raw::io::check_folder_name;
@@ -44,8 +44,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     }
     let files = folder.commit()?;
     say(format_args!(
-        "{0}: {files} files: put them on a web server, or try them with python3 -m http.server -d {0}",
-        args.folder.display()
+        "{}: {files} files: put them on a web server, or try them with python3 -m http.server -d {}",
+        args.folder.display(),
+        quoted(&args.folder)
     ));
     Ok(())
 }

@@ -4,7 +4,7 @@ use super::encode::{CaptureArgs, Passes};
 use crate::cli_enums::LodName;
 use crate::count;
 use crate::interrupt;
-use crate::output::say;
+use crate::output::{quoted, say};
 use crate::progress::Progress;
 use crate::stats::megabits_per_second;
 use crate::threads::use_threads;
@@ -113,10 +113,11 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     folder.commit()?;
     let rates: Vec<_> =
         coded.iter().map(|rung| format!("{:.3}", megabits_per_second(rung.bytes, rung.seconds))).collect();
-    let output = args.output.display();
     say(format_args!(
-        "{output}: {} Mbps: put it on a web server, or try it with python3 -m http.server -d {output}",
-        rates.join(", ")
+        "{}: {} Mbps: put it on a web server, or try it with python3 -m http.server -d {}",
+        args.output.display(),
+        rates.join(", "),
+        quoted(&args.output)
     ));
     Ok(())
 }

@@ -26,8 +26,10 @@ pub(super) struct CodedFrame {
     pub(super) frame: UnwrittenFrame,
     /// Colour of the frame, in streams with colour.
     pub(super) colour: Option<EncodedColour>,
-    /// Whether there is a surface, as in [`IngestedFrame`].
+    /// Whether there is a surface, as in [`IngestedFrame`], and decoders have any of it.
     pub(super) has_surface: bool,
+    /// Whether there was one that coding has left nothing of.
+    pub(super) is_lost: bool,
     pub(super) blocks_band: usize,
     pub(super) ingest_ms: f64,
     pub(super) coding_ms: f64,
@@ -53,6 +55,9 @@ struct Coders {
     /// The coder of colour, in streams that have any.
     colour: Option<ColourCoding>,
 }
+
+/// Blocks of a frame up to which all of its surface may be lost in coding.
+const FEW_BLOCKS: usize = 64;
 
 /// Share of blocks without a colour of their own that a frame may have before its colours are coded: one in so many.
 const NEW_SHARE: usize = 128;
@@ -143,6 +148,10 @@ impl Coding {
         let Coders { coder, colour } = &mut self.coders;
         let (coded, coding_ms) = timed(|| coder.code(&volume));
         let frame = coded?;
+        let is_lost = has_surface && volume.block_count() <= FEW_BLOCKS && {
+            let decoded = coder.reconstruction()?.expect("a frame was just coded");
+            !decoded.samples().any(|sample| sample < 0)
+        };
         let surface_rms_voxels = match self.measures_change {
             true => {
                 let decoded = coder.reconstruction()?.expect("a frame was just coded");
@@ -163,7 +172,8 @@ impl Coding {
             read,
             timestamp_ns,
             frame,
-            has_surface,
+            has_surface: has_surface && !is_lost,
+            is_lost,
             blocks_band,
             ingest_ms,
             coding_ms,

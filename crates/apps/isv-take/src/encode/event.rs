@@ -118,6 +118,11 @@ pub enum EncodeEvent {
         /// Name of the frame.
         name: String,
     },
+    /// Coding has left nothing of a frame's surface.
+    NothingLeft {
+        /// Number of the frame.
+        frame: usize,
+    },
     /// A frame has colours that are not coded, as the first one had none.
     ColourComesLater {
         /// Name of the frame.
@@ -223,6 +228,10 @@ impl fmt::Display for EncodeEvent {
                 write!(f, "{name}: only {diagonal} across, less than a block")
             }
             Self::NoSurface { name } => write!(f, "{name}: no surface in this frame"),
+            Self::NothingLeft { frame } => write!(
+                f,
+                "frame {frame}: nothing of its surface is left: smaller voxels or a higher quality keep it"
+            ),
             Self::ColourComesLater { name } => write!(
                 f,
                 "{name}: its colours are not kept, as the first frame has none; --expect-colour makes room for them"

@@ -328,6 +328,7 @@ impl<W: Write> StreamSink<W> {
             frame,
             ingest_ms,
             has_surface,
+            is_lost,
             blocks_band,
             coding_ms,
             surface_rms_voxels,
@@ -336,6 +337,9 @@ impl<W: Write> StreamSink<W> {
         } = frame;
         let (coded, writing_ms) = timed(|| self.frame_writer.write(frame));
         self.tell_missed_error(number, &coded, observer);
+        if is_lost {
+            observer.event(&Event::Encode(EncodeEvent::NothingLeft { frame: number }));
+        }
         let stated = timestamp_ns.filter(|_| self.keeps_times);
         let timestamp_ns = self.timestamps.of((number - self.first) as u64, read, stated);
         self.timeline.place(timestamp_ns);
