@@ -88,7 +88,7 @@ export interface PlayerOptions {
   wasm?: string | URL | WebAssembly.Module;
   /** How many workers decode; as many as there are cores, up to 4. */
   workers?: number;
-  /** Most bytes of decoded frames; 256 MiB. */
+  /** Most bytes of decoded frames; 256 MiB. Of a scene whose frames share more than that, half as much again as they share. */
   memory?: number;
   /** Most bytes that decoders may take; half of the machine's memory. A frame that needs more is refused before it takes any. */
   maxMemory?: number;
