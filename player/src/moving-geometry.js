@@ -9,6 +9,9 @@ import { Box3, BufferAttribute, BufferGeometry, DynamicDrawUsage, Sphere, Vector
 /** Room left in new buffers, and in slots of parts, as the next surfaces will be a little larger. */
 const SPARE = 1.25;
 
+/** Ranges of a buffer that are remembered until they are copied to the GPU. */
+const MOST_RANGES = 1 << 14;
+
 /**
  * Where a part is in the buffers: first vertex and room for vertices, first index and room for indices.
  * @typedef {{ part: import('./parts.js').Part, vertex: number, vertices: number, index: number, indices: number }} Slot
@@ -118,10 +121,9 @@ export class MovingGeometry extends BufferGeometry {
     const { array } = index;
     for (let at = 0; at < part.indices.length; at++) array[slot.index + at] = slot.vertex + part.indices[at];
     array.fill(slot.vertex, slot.index + part.indices.length, slot.index + slot.indices);
-    position.addUpdateRange(3 * slot.vertex, part.positions.length);
-    normal.addUpdateRange(3 * slot.vertex, part.normals.length);
-    index.addUpdateRange(slot.index, slot.indices);
-    for (const attribute of this.#buffers) attribute.needsUpdate = true;
+    written(position, 3 * slot.vertex, part.positions.length);
+    written(normal, 3 * slot.vertex, part.normals.length);
+    written(index, slot.index, slot.indices);
   }
 
   /** Draws nothing more of a slot. @param {string} key @param {Slot} slot */
@@ -129,8 +131,7 @@ export class MovingGeometry extends BufferGeometry {
     this.#slots.delete(key);
     const [, , index] = this.#buffers;
     index.array.fill(slot.vertex, slot.index, slot.index + slot.indices);
-    index.addUpdateRange(slot.index, slot.indices);
-    index.needsUpdate = true;
+    written(index, slot.index, slot.indices);
   }
 
   /** Positions, normals and indices. @returns {BufferAttribute[]} */
@@ -142,7 +143,7 @@ export class MovingGeometry extends BufferGeometry {
   #make(vertices, indices) {
     const held = this.getAttribute('position')?.count ?? 0;
     const heldIndices = this.index?.count ?? 0;
-    if (vertices <= held && indices <= heldIndices) return;
+    if (this.index && vertices <= held && indices <= heldIndices) return;
     // Frees the old buffers on the GPU, which belong to the attributes that are about to go; others' are too small now.
     this.dispose();
     for (const name of Object.keys(this.attributes)) this.deleteAttribute(name);
@@ -171,6 +172,17 @@ function write(attribute, values) {
   buffer.needsUpdate = true;
 }
 
+/** Has a part of a buffer copied to the GPU. @param {BufferAttribute} attribute @param {number} start @param {number} count */
+function written(attribute, start, count) {
+  attribute.addUpdateRange(start, count);
+  // What is not in view is not copied, and its ranges would become more and more.
+  if (attribute.updateRanges.length > MOST_RANGES) {
+    attribute.clearUpdateRanges();
+    attribute.addUpdateRange(0, attribute.array.length);
+  }
+  attribute.needsUpdate = true;
+}
+
 /** Room for so many vertices and some more. @param {number} count */
 function room(count) {
   return Math.ceil(count * SPARE);
@@ -188,5 +200,6 @@ function fits(part, slot) {
 
 /** @param {BufferAttribute} attribute */
 function dynamic(attribute) {
-  return attribute.setUsage(DynamicDrawUsage);
+  // A new buffer is copied as a whole; three.js leaves the ranges for another time.
+  return attribute.setUsage(DynamicDrawUsage).onUpload(() => attribute.clearUpdateRanges());
 }

@@ -2,19 +2,21 @@
  * Decoded frames by number, bounded in bytes. What is farthest ahead of the playhead goes first, where frames just
  * behind it count as far ahead: a take that fits is kept whole and plays round without being decoded again.
  *
- * Frames of a large scene share what stands still, in `batches`. Each batch counts once. Where what frames share is more than the
- * bound has room for, they may take half as much again.
+ * Frames of a large scene share what stands still, in `batches`. Each batch counts once. Where one frame takes more than two thirds of
+ * the bound, all may take half as much again as it does.
  *
  * @template {{ bytes: number, batches?: Set<{ bytes: number }> }} Frame
  */
 export class Ring {
   bytes = 0;
-  /** Those of them that several frames share. */
-  sharedBytes = 0;
+  /** Most bytes that a frame has taken, with what it shares. */
+  largest = 0;
   /** @type {Map<number, Frame>} */
   #frames = new Map();
   /** How many frames hold each batch. @type {Map<{ bytes: number }, number>} */
   #holders = new Map();
+  /** Whether frames share anything. */
+  #shares = false;
 
   /** @param {number} budget bytes */
   constructor(budget) {
@@ -25,14 +27,20 @@ export class Ring {
     return this.#frames.size;
   }
 
-  /** Mean bytes that a frame takes for itself; 0 if there is none. */
+  /** Mean bytes that a frame adds to those that are there; 0 if there is none. */
   get meanBytes() {
-    return this.#frames.size ? (this.bytes - this.sharedBytes) / this.#frames.size : 0;
+    const { size } = this.#frames;
+    return size > 1 && this.#shares ? Math.max(0, this.bytes - this.largest) / (size - 1) : size ? this.bytes / size : 0;
+  }
+
+  /** Bytes that are left for frames beside one that shares all with them. */
+  get room() {
+    return this.#shares ? this.limit - this.largest : this.limit;
   }
 
   /** Bytes that all frames may take. */
   get limit() {
-    return Math.max(this.budget, 1.5 * this.sharedBytes);
+    return this.#shares ? Math.max(this.budget, 1.5 * this.largest) : this.budget;
   }
 
   /** @param {number} number */
@@ -54,14 +62,21 @@ export class Ring {
   put(number, frame) {
     this.drop(number);
     this.#frames.set(number, frame);
-    for (const batch of frame.batches ?? [frame]) this.#hold(batch);
+    let all = 0;
+    for (const batch of frame.batches ?? [frame]) {
+      this.#hold(batch);
+      all += batch.bytes;
+    }
+    this.largest = Math.max(this.largest, all);
+    this.#shares ||= frame.batches !== undefined;
   }
 
   clear() {
     this.#frames.clear();
     this.#holders.clear();
     this.bytes = 0;
-    this.sharedBytes = 0;
+    this.largest = 0;
+    this.#shares = false;
   }
 
   /**
@@ -91,7 +106,6 @@ export class Ring {
     const holders = this.#holders.get(batch) ?? 0;
     this.#holders.set(batch, holders + 1);
     if (holders === 0) this.bytes += batch.bytes;
-    if (holders === 1) this.sharedBytes += batch.bytes;
   }
 
   /** @param {{ bytes: number }} batch */
@@ -100,6 +114,5 @@ export class Ring {
     if (holders > 0) this.#holders.set(batch, holders);
     else this.#holders.delete(batch);
     if (holders === 0) this.bytes -= batch.bytes;
-    if (holders === 1) this.sharedBytes -= batch.bytes;
   }
 }

@@ -371,7 +371,8 @@ export class Decoder {
     try {
       return calls();
     } catch (error) {
-      if (!(error instanceof WebAssembly.RuntimeError)) {
+      // Without memory for the arrays that are given out, what was found is lost, too.
+      if (!(error instanceof WebAssembly.RuntimeError || error instanceof RangeError)) {
         throw error;
       }
       this.#restart();

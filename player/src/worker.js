@@ -82,6 +82,8 @@ let waiting = [];
 let whole = false;
 /** Whether most parts of the surface change from frame to frame, as far as is known since the keyframe. */
 let restless = false;
+/** The frame whose surface came in parts last. */
+let parted = -2;
 /** The run whose packets cannot be decoded any more. */
 let lostRun = -1;
 const turns = new MessageChannel();
@@ -118,9 +120,10 @@ function decode({ run, frame, packet, at, surface, details, stream, header }) {
   if (!decoder || !facts) return;
   try {
     if (header) facts = decoder.open(header);
-    const parts = details || facts.colour || restless ? Infinity : PARTS_FROM;
+    // Until a frame is whole its parts would be lost.
+    const parts = !whole || details || facts.colour || restless ? Infinity : PARTS_FROM;
     const decoded = decoder.decode(packet, { at, surface, normals: true, details, parts });
-    noteChanges(decoded);
+    noteChanges(decoded, frame);
     const { memoryBytes } = decoder;
     whole ||= decoded.inexactBlocks === 0;
     if (!surface || !whole) return scope.postMessage({ is: 'done', run, frame, mesh: null, memoryBytes });
@@ -133,10 +136,13 @@ function decode({ run, frame, packet, at, surface, details, stream, header }) {
   }
 }
 
-/** Notes whether it pays to go on with parts. @param {import('./wasm.js').DecodedFrame} decoded */
-function noteChanges({ keyframe, changes }) {
+/** Notes whether it pays to go on with parts. @param {import('./wasm.js').DecodedFrame} decoded @param {number} frame */
+function noteChanges({ keyframe, changes }, frame) {
+  // Behind a seek all parts are others than those of the frame that came before.
+  const follows = frame === parted + 1;
+  if (changes) parted = frame;
   if (keyframe) restless = false;
-  else if (changes && !changes.fresh) restless = changes.changed.length / 5 > RESTLESS * changes.count;
+  else if (changes && follows) restless = changes.changed.length / 5 > RESTLESS * changes.count;
 }
 
 /** @param {import('./wasm.js').DecodedFrame} decoded @param {import('./wasm.js').StreamFacts} facts @param {number} packetBytes @param {number} stream @returns {Frame & { changes: SurfaceChanges | null }} */

@@ -216,7 +216,7 @@ export class DecodeAhead {
     const frames = this.#gops.frames;
     const mean = this.#ring.meanBytes;
     if (!mean) return Math.min(frames, FIRST_WINDOW);
-    const room = this.#ring.limit - this.#ring.sharedBytes;
+    const { room } = this.#ring;
     if (mean * frames * 1.05 <= room) return frames;
     return Math.min(frames, Math.max(2, Math.floor((room * AHEAD_PART) / mean)));
   }

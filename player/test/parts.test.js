@@ -79,6 +79,31 @@ test('a geometry draws the parts of the frame that it shows, whatever it showed 
   assert.ok(geometry.reallocations < 6, `${geometry.reallocations} times new buffers`);
 });
 
+test('a scene without triangles is drawn as nothing', { skip }, async () => {
+  const geometry = new /** @type {any} */ (moving).MovingGeometry();
+  const [{ frame, whole }] = await framesOf('main_still_cells.isv');
+  const colours = new Uint8Array(0);
+  const nothing = { ...frame, colours, parts: new Map(), triangles: 0 };
+  geometry.show(nothing);
+  assert.equal(geometry.drawRange.count, 0);
+  geometry.show({ ...whole, colours, positions: whole.normals.subarray(0, 0), normals: whole.normals.subarray(0, 0), indices: whole.indices.subarray(0, 0) });
+  assert.equal(geometry.drawRange.count, 0);
+  geometry.show({ ...frame, colours });
+  assert.ok(geometry.drawRange.count > 0);
+  geometry.show(nothing);
+  const { drawn } = geometry;
+  assert.ok(drawn.every((/** @type {number} */ index, /** @type {number} */ at) => index === drawn[at - (at % 3)]), 'no triangle has area');
+});
+
+test('ranges of a mesh that is not in view do not become more and more', { skip }, async () => {
+  const geometry = new /** @type {any} */ (moving).MovingGeometry();
+  const frames = await framesOf('main_still_cells.isv');
+  const colours = new Uint8Array(0);
+  const copy = (/** @type {any} */ frame) => new Map([...frame.parts].map(([key, part]) => [key, { ...part }]));
+  for (let round = 0; round < 20_000; round += frames[0].frame.parts.size) geometry.show({ ...frames[0].frame, colours, parts: copy(frames[0].frame) });
+  assert.ok(geometry.index.updateRanges.length <= 1 << 14);
+});
+
 test('of a frame that shares parts only what is new is uploaded', { skip }, async () => {
   const geometry = new /** @type {any} */ (moving).MovingGeometry();
   const [first, second] = await framesOf('main_still_cells.isv');

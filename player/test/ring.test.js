@@ -31,16 +31,32 @@ test('a frame put again counts once', () => {
 test('what frames share counts once, and does not push them out', () => {
   const ring = new Ring(30);
   const scene = { bytes: 100 };
-  for (let frame = 0; frame < 4; frame++) ring.put(frame, { bytes: 5, batches: new Set([scene, { bytes: 5 }]) });
-  assert.deepEqual([ring.bytes, ring.sharedBytes, ring.meanBytes, ring.limit], [120, 100, 5, 150]);
-  ring.trim((frame) => frame);
+  const frame = () => ({ bytes: 5, batches: new Set([scene, { bytes: 5 }]) });
+  for (let number = 0; number < 4; number++) ring.put(number, frame());
+  assert.deepEqual([ring.bytes, ring.largest, ring.limit, ring.room], [120, 105, 157.5, 52.5]);
+  assert.equal(ring.meanBytes, 5);
+  ring.trim((number) => number);
   assert.equal(ring.size, 4);
   // Another keyframe: it shares nothing, and there is no room for both.
-  ring.put(9, { bytes: 100 });
-  ring.trim((frame) => frame);
+  ring.put(9, { bytes: 100, batches: new Set([{ bytes: 100 }]) });
+  ring.trim((number) => number);
   assert.deepEqual([...ring.numbers()].sort(), [0, 1, 2, 3]);
-  for (let frame = 0; frame < 3; frame++) ring.drop(frame);
-  assert.deepEqual([ring.bytes, ring.sharedBytes], [105, 0]);
-  ring.drop(3);
-  assert.deepEqual([ring.bytes, ring.meanBytes], [0, 0]);
+  for (let number = 0; number < 4; number++) ring.drop(number);
+  assert.equal(ring.bytes, 0);
+  ring.clear();
+  assert.deepEqual([ring.limit, ring.largest], [30, 0]);
+});
+
+test('changes that live on in the next frame count against the bound', () => {
+  const ring = new Ring(30);
+  const scene = { bytes: 100 };
+  let before = { bytes: 3 };
+  for (let number = 0; number < 1000; number++) {
+    const own = { bytes: 3 };
+    ring.put(number, { bytes: 3, batches: new Set([scene, before, own]) });
+    ring.trim((held) => number - held);
+    before = own;
+    assert.ok(ring.bytes < 170, `${ring.bytes} bytes`);
+  }
+  assert.ok(ring.size > 10 && ring.meanBytes > 2 && ring.meanBytes < 4, `${ring.size} frames of ${ring.meanBytes} bytes`);
 });

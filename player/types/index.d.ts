@@ -47,7 +47,8 @@ export interface Frame {
   triangles: number;
   /**
    * The parts of its surface, by place, of a large scene without colour: 16,384 blocks or more. A part that stands still is the same
-   * object in the next frame. `positions`, `normals` and `indices` are empty then. Null of other frames.
+   * object in the next frame. `positions`, `normals` and `indices` are empty then. Null of other frames, of frames that mostly
+   * move, and where `details` are wanted.
    */
   parts: Map<string, SurfacePart> | null;
   /** x, y, z of each vertex in metres. */
@@ -88,7 +89,7 @@ export interface PlayerOptions {
   wasm?: string | URL | WebAssembly.Module;
   /** How many workers decode; as many as there are cores, up to 4. */
   workers?: number;
-  /** Most bytes of decoded frames; 256 MiB. Of a scene whose frames share more than that, half as much again as they share. */
+  /** Most bytes of decoded frames; 256 MiB. Of a scene of which one frame takes most of that, half as much again. */
   memory?: number;
   /** Most bytes that decoders may take; half of the machine's memory. A frame that needs more is refused before it takes any. */
   maxMemory?: number;

@@ -54,7 +54,7 @@ BAD_FRAMES: list[tuple[Any, type[Exception], str]] = [
     (isv.Points(np.zeros((3, 3)), np.full((3, 3), np.nan, np.float32)), ValueError, "normals: row 0"),
     (np.zeros((3, 2)), ValueError, "positions have shape"),
     (np.full((3, 3), np.nan), ValueError, "positions: row 0"),
-    (np.array([[0, 1, 2]]), TypeError, r"points have dtype int64: .*isv\.Points\(array\)"),
+    (np.array([[0, 1, 2]], np.int64), TypeError, r"points have dtype int64: .*isv\.Points\(array\)"),
     (depth(depth=np.zeros(8, np.float32)), ValueError, "a depth image has shape"),
     (depth(depth=np.zeros((8, 8), bool)), TypeError, "depths have dtype bool"),
     (depth(camera=camera(pose=np.eye(3))), ValueError, r"a pose has shape \(3, 3\)"),

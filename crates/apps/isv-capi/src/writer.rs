@@ -245,10 +245,10 @@ pub unsafe extern "C" fn isv_writer_push_depth_at(
     })
 }
 
-/// Pixels of a camera.
 /// Pixels of an image at most, as of images in files. They are copied before anything else is looked at.
 const MOST_PIXELS: usize = 1 << 28;
 
+/// Pixels of a camera.
 fn pixels(camera: &isv_camera) -> Outcome<usize> {
     let pixels = u64::from(camera.width) * u64::from(camera.height);
     match usize::try_from(pixels) {

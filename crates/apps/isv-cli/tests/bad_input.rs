@@ -411,7 +411,7 @@ fn pictures_replace_pictures_alone() {
     work.isv(&["render", "frames", "-o", "x.png", "--size", "64"]).done();
     work.isv(&["render", "frames", "-o", "x.png", "--size", "64"]).done();
     work.write("notes.png", "no picture");
-    work.isv(&["render", "frames", "-o", "notes.png"]).fails(2, &["notes.png: there is another file"]);
+    work.isv(&["render", "frames", "-o", "notes.png"]).fails(2, &["notes.png", "is no picture"]);
     assert_eq!(work.read("notes.png"), b"no picture");
 }
 

@@ -105,9 +105,13 @@ impl<S: Read + Seek> Mp4File<S> {
                     read_fragment(tracks, &body, at, end)?;
                     fragments.push(FragmentPlace::new(at..end, &before, tracks));
                 }
-                b"mfra" => {
+                b"mfra" if body_bytes <= MOST_TABLE_BYTES => {
                     let Some(body) = read_table(&mut source, body_bytes, end <= length)? else { break };
-                    listed = listed_samples(&body, at)?;
+                    // No sample is found by these lists: where they are damaged, all samples may be there.
+                    match listed_samples(&body, at) {
+                        Ok(lists) if lists.len() <= MOST_TRACKS => listed = lists,
+                        _ => is_whole = false,
+                    }
                 }
                 b"mdat" => {
                     if let Some(fragment) = fragments.last_mut().filter(|fragment| fragment.bytes.end == at) {

@@ -35,6 +35,13 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             "{output}: a stream has a name such as take.isv; --tracks makes MP4 files"
         )));
     }
+    let frames = match args.output {
+        Some(_) => load_index(&input)?.frames.len(),
+        None => 0,
+    };
+    if args.output.is_some() && frames == 0 {
+        bail!("{}: no frame of the stream is there", input.name());
+    }
     if let Some(path) = &args.tracks {
         let tracks = tracks_beside(&input, None)?;
         if tracks.is_empty() {
@@ -44,10 +51,6 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         write_tracks(output, tracks).with_context(|| path.display().to_string())?.commit()?;
     }
     if let Some(path) = &args.output {
-        let frames = load_index(&input)?.frames.len();
-        if frames == 0 {
-            bail!("{}: no frame of the stream is there", input.name());
-        }
         let observer = words::observer();
         let output = demux(&input, &*observer, || Ok(Output::create(path)?)).map_err(stream::edit_error)?;
         stream::commit_file(output, path, frames)?;

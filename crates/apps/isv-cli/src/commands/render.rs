@@ -13,15 +13,13 @@ use crate::progress::Progress;
 use anyhow::{Result, bail};
 use frame_source::{FrameSource, Overview};
 use isv::raw::format::FrameRate;
-use isv::raw::io::{Unit, check_file_name};
+use isv::raw::io::{Unit, check_file_name, check_overwriting};
 use isv::raw::take::FrameRange;
 use isv::raw::take::Length;
 use isv::raw::take::capture::{Capture, Hints};
 use isv_render::{
     Camera, ErrorScale, Extent, PictureFile, PictureFormat, PictureRate, RenderSetup, SeenErrors, Style, View,
 };
-use std::fs::{self, File};
-use std::io::Read;
 use std::num::NonZero;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -191,7 +189,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if PictureFormat::of_path(&args.output).is_none() {
         check_file_name(&args.output, &format!("a name such as x.{format}"))?;
     }
-    check_replaces_picture(&args.output)?;
+    check_overwriting(&args.output, "is no picture", |start| {
+        start.starts_with(b"\x89PNG") || start.starts_with(b"GIF8")
+    })?;
     let source = FrameSource::open(args, format.is_moving() && args.turntable.is_none())?;
     // From here on somebody looks whether Ctrl-C came.
     interrupt::listen()?;
@@ -225,20 +225,6 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     drop(progress);
     report_errors(&seen);
     Ok(())
-}
-
-/// Refuses to replace a file that is no picture of a kind that this command makes.
-fn check_replaces_picture(output: &Path) -> Result<()> {
-    // A pipe or a device is not looked into.
-    if !fs::metadata(output).is_ok_and(|found| found.is_file() && found.len() > 0) {
-        return Ok(());
-    }
-    let mut begin = Vec::new();
-    let read = File::open(output).and_then(|file| file.take(8).read_to_end(&mut begin));
-    match read.is_ok() && (begin.starts_with(b"\x89PNG") || begin.starts_with(b"GIF8")) {
-        true => Ok(()),
-        false => Err(usage(format!("{}: there is another file of that name, no picture", output.display()))),
-    }
 }
 
 /// The format asked for, or that of the output's name. A .png file may also be an animated PNG, if asked for.

@@ -57,11 +57,7 @@ pub fn cut<W: Write>(
     // Behind the last frame that was found there may be more, of which nothing can be copied.
     if range.end == index.frames.len() {
         match packets.next_frame() {
-            Ok(_) if packets.complete() => {
-                tell_if_left_out(&name, packets.skipped(), observer);
-                super::tell_if_more(&name, &mut packets.into_source(), observer)?;
-                return Ok((writer.finish()?, range.len()));
-            }
+            Ok(_) if packets.complete() => super::tell_if_more(input, packets.at(), observer),
             Ok(_) => tell_if_cut(&name, &packets, observer),
             Err(why) => observer.event(&Event::EndsInDamage { name: name.clone(), why: why.to_string() }),
         }

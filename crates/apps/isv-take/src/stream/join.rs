@@ -89,7 +89,7 @@ pub fn join<W: Write>(
         tell_if_left_out(&name, packets.skipped(), observer);
         tell_if_cut(&name, &packets, observer);
         if packets.complete() {
-            super::tell_if_more(&name, &mut packets.into_source(), observer)?;
+            super::tell_if_more(input, packets.at(), observer);
         }
     }
     Ok((writer.finish()?, frames))

@@ -41,15 +41,15 @@ pub fn mux<W: Write>(
             Err(error) => break Err(error),
         }
     };
-    let is_complete = packets.complete();
-    let Tee { mut source, sink, failed } = packets.into_source();
+    let end_at = packets.complete().then(|| packets.at());
+    let Tee { sink, failed, .. } = packets.into_source();
     if let Some(error) = failed {
         return Err(EditError::Create(error));
     }
     end.map_err(fault)?;
-    match is_complete {
-        true => super::tell_if_more(&name, &mut source, observer)?,
-        false => observer.event(&Event::Cut { name: name.clone() }),
+    match end_at {
+        Some(end) => super::tell_if_more(input, end, observer),
+        None => observer.event(&Event::Cut { name: name.clone() }),
     }
     super::tell_if_left_out(&name, sink.left_out(), observer);
     let (output, ends) = sink.finish_with_ends().map_err(write_error)?;
