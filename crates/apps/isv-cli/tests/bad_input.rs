@@ -448,7 +448,11 @@ fn a_body_of_which_nothing_is_left_is_told_of() {
     let told = said.lines().filter(|line| line.contains("nothing of its surface is left")).count();
     assert_eq!(told, 2, "{said}");
     let lost = work.isv(&[&run[..], &["0..2"]].concat());
-    assert!(lost.status() == Some(1) && lost.stderr().contains("no surface in any frame"), "{}", lost.stderr());
+    assert!(
+        lost.status() == Some(1) && lost.stderr().contains("no surface in any frame"),
+        "{}",
+        lost.stderr()
+    );
 }
 
 #[test]

@@ -418,7 +418,7 @@ pub fn tell_if_cut(name: &str, packets: &PacketReader<impl Read>, observer: &dyn
 
 /// Tells that bytes follow the end of a stream, which its copy lacks. `end`: where it ends. What comes out of a pipe is not waited for.
 fn tell_if_more(input: &Input, end: u64, observer: &dyn Observer) {
-    let file = input.path().and_then(|path| path.metadata().ok()).filter(|found| found.is_file());
+    let file = input.path().and_then(|path| path.metadata().ok()).filter(fs::Metadata::is_file);
     if file.is_none() {
         return;
     }

@@ -1,7 +1,7 @@
 //! Sound from files: packets as another program coded them, or waveforms coded to Opus.
 
 use crate::boxes::{put, write_box, write_full_box};
-use crate::opus::OpusSource;
+use crate::opus::{OpusSource, SAMPLE_RATES};
 use crate::{
     Mp4Error, Mp4File, SampleSource, SourceSample, TrackDescription, TrackKind, TrackSource, is_mp4,
 };
