@@ -438,12 +438,12 @@ fn colours_that_come_after_the_first_frame_are_told_of() {
 fn a_body_of_which_nothing_is_left_is_told_of() {
     let work = Workspace::new();
     std::fs::create_dir(work.path("frames")).unwrap();
-    for (frame, radius) in [0.015, 0.015, 0.1].into_iter().enumerate() {
+    for (frame, radius) in [0.03, 0.03, 0.12].into_iter().enumerate() {
         let mesh = isv_testkit::sphere(radius, 16);
         let path = work.path(&format!("frames/frame_{frame}.ply"));
         isv::raw::io::write_mesh(&path, &mesh, isv::raw::io::Format::Ply).unwrap();
     }
-    let run = ["encode", "frames", "-o", "x.isv", "--voxel", "20mm", "--frames"];
+    let run = ["encode", "frames", "-o", "x.isv", "--voxel", "20mm", "--quality", "0", "--frames"];
     let said = work.isv(&[&run[..], &["0..3"]].concat()).done().stderr();
     let told = said.lines().filter(|line| line.contains("nothing of its surface is left")).count();
     assert_eq!(told, 2, "{said}");

@@ -558,7 +558,7 @@ fn points_get_a_voxel_that_fits_their_spacing() {
     work.isv(&["encode", "dense.ply", "-o", "out.isv"]).done();
     assert_eq!(voxel(), 0.005);
     // Nor are there more blocks than allowed.
-    let run = work.isv(&[&sparse[..], &["--max-blocks", "40"]].concat()).done();
+    let run = work.isv(&[&sparse[..], &["--max-blocks", "60"]].concat()).done();
     assert!(run.stderr().contains("need more blocks than --max-blocks"), "{}", run.stderr());
     assert!(voxel() > 0.1);
 }
@@ -623,7 +623,7 @@ fn sides_that_are_a_guess_are_said_to_be() {
     assert!(run.stderr().contains("offset shell"), "{}", run.stderr());
     let run = work.isv(&[&encode[..], &["--viewpoint", "0.5,0.1,3"]].concat()).done();
     assert!(!run.stderr().contains("guess") && run.stderr().contains("oriented points"), "{}", run.stderr());
-    work.write("given.xyz", lattice("xyz", 25, 0.01, 0.0, true));
+    work.write("given.xyz", lattice("xyz", 60, 0.01, 0.0, true));
     let run = work.isv(&["encode", "given.xyz", "-o", "out.isv", "--viewpoint", "0,0,-9"]).done();
     assert!(run.stderr().contains("--viewpoint is without effect"), "{}", run.stderr());
 }
