@@ -145,7 +145,9 @@ fn files_are_named_after_what_is_in_them() {
 #[test]
 fn a_fragment_whose_name_is_damaged_is_missed() {
     let (work, bytes) = workspace();
-    let file = work.read("take.mp4");
+    // Of sound nobody knows how many packets there were.
+    work.isv(&["mux", "take.isv", "-o", "silent.mp4"]).done();
+    let file = work.read("silent.mp4");
     let places =
         (0..file.len() - 4).filter(|at| [b"moof", b"trun"].iter().any(|name| file[*at..].starts_with(*name)));
     let places: Vec<_> = places.collect();
