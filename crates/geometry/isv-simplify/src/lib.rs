@@ -33,6 +33,11 @@ use thiserror::Error;
 /// Largest error for the simplifier where only the number of faces counts, in extents of the mesh.
 const ANY_ERROR: f32 = 1e6;
 
+/// Share of the mesh's size below which a limit leaves something of any mesh.
+const SMALL: f64 = 0.05;
+/// How often a larger limit is halved at most.
+const HALVINGS: u32 = 8;
+
 /// Limit of the simplifier's first attempts, as a part of the error that may be found.
 const FIRST_LIMIT: f64 = 0.7;
 
@@ -116,8 +121,21 @@ pub fn simplify(mesh: &TriangleMesh, budget: &Budget) -> Result<Simplified, Simp
     }
     // The simplifier's error is a mean over the planes around a vertex. Where the surface is farther off, its vertices are kept.
     // With the limit as it was, all else goes as before, so that few attempts are enough.
+    let mut first_limit_m = FIRST_LIMIT * max_error_m;
+    // Under a limit of about the mesh's size nothing may be left of it.
+    for _ in 0..HALVINGS {
+        if first_limit_m <= SMALL * size_m {
+            break;
+        }
+        let limit = (SimplifyOptions::ERROR_ABSOLUTE, first_limit_m as f32);
+        let (simplified, _) = collapse(&source, most_faces, limit, &locked)?;
+        if Errors::measure(&source, &simplified).is_some() {
+            break;
+        }
+        first_limit_m /= 2.0;
+    }
     for step in 0..LIMITS {
-        let limit_m = FIRST_LIMIT * max_error_m * BACK_OFF.powi(step);
+        let limit_m = first_limit_m * BACK_OFF.powi(step);
         // Regularisation counts the length of edges as error, which flat parts would pay for.
         let limit = (SimplifyOptions::ERROR_ABSOLUTE, limit_m as f32);
         locked.fill(false);
