@@ -216,6 +216,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.obj");
         fs::write(&path, "mtllib a.mtl\nv 0 0 0 1 1 1\n").unwrap();
+        fs::write(folder.path().join("a.mtl"), "newmtl a\n").unwrap();
         assert!(passed_over(&path, Colours::Keep).is_empty());
         assert_eq!(passed_over(&path, Colours::Drop).len(), 2);
     }
