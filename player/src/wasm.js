@@ -74,7 +74,7 @@
  * @property {boolean} [normals] Whether vertices get normals.
  * @property {boolean} [details] Whether to tell how the blocks are coded.
  * @property {number} [parts] Blocks of a frame from which on its surface comes in parts, of which those that have changed, without
- *   colours. No frame's does, unless this says otherwise.
+ *   colours. No frame's does, unless this says otherwise, and none's of which blocks are inexact.
  */
 
 /**
@@ -254,7 +254,7 @@ export class Decoder {
       const begun = performance.now();
       this.#check(exports.isv_decode(at));
       const decoded = performance.now();
-      const inParts = surface && exports.isv_frame_blocks() >= parts;
+      const inParts = surface && exports.isv_inexact_blocks() === 0 && exports.isv_frame_blocks() >= parts;
       if (surface) {
         const extract = inParts ? exports.isv_surface_parts : exports.isv_surface;
         this.#check(extract(normals ? 1 : 0));

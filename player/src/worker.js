@@ -120,8 +120,7 @@ function decode({ run, frame, packet, at, surface, details, stream, header }) {
   if (!decoder || !facts) return;
   try {
     if (header) facts = decoder.open(header);
-    // Until a frame is whole its parts would be lost.
-    const parts = !whole || details || facts.colour || restless ? Infinity : PARTS_FROM;
+    const parts = details || facts.colour || restless ? Infinity : PARTS_FROM;
     const decoded = decoder.decode(packet, { at, surface, normals: true, details, parts });
     noteChanges(decoded, frame);
     const { memoryBytes } = decoder;
