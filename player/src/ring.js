@@ -29,8 +29,9 @@ export class Ring {
 
   /** Mean bytes that a frame adds to those that are there; 0 if there is none. */
   get meanBytes() {
-    const { size } = this.#frames;
-    return size > 1 && this.#shares ? Math.max(0, this.bytes - this.largest) / (size - 1) : size ? this.bytes / size : 0;
+    if (!this.size) return 0;
+    if (!this.#shares || this.size === 1) return this.bytes / this.size;
+    return Math.max(0, this.bytes - this.largest) / (this.size - 1);
   }
 
   /** Bytes that are left for frames beside one that shares all with them. */

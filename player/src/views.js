@@ -173,8 +173,8 @@ export class IsvViews {
   #refresh() {
     const { shown, facts, mesh } = this.#player;
     if (!shown || !facts) return;
-    const { geometry } = mesh;
-    if (this.#view === 'wireframe') /** @type {EdgeGeometry} */ (this.#edges.geometry).show(geometry, /** @type {import('./moving-geometry.js').MovingGeometry} */ (geometry).drawn);
+    const geometry = /** @type {import('./moving-geometry.js').MovingGeometry} */ (mesh.geometry);
+    if (this.#view === 'wireframe') /** @type {EdgeGeometry} */ (this.#edges.geometry).show(geometry, geometry.drawn);
     if (this.#view === 'bits') this.#bits.show(geometry, shown.details?.vertexBits ?? null);
     if (this.#view === 'blocks') this.#grid.show(shown.details, facts);
     if (this.#view === 'motion') this.#motion.show(shown.details, facts);

@@ -55,8 +55,9 @@ import { words } from './failure.js';
  * What a worker says. `done` answers each packet; it has a frame if a surface was wanted, and there was all of it once. `lost`: the packet cannot be decoded, and
  * what waited of the same run is forgotten; `refused` is set if it is sound but needs too much memory, and `blocks` says how many
  * blocks it has, if that is known. `memoryBytes`: the decoder's memory. `broken`: the worker cannot go on.
+ *
+ * A frame that comes in parts has those that changed, in `changes`; its {@link Frame.parts} are not known yet.
  * @typedef {{ is: 'ready' }} Ready
- * A frame of which parts have changed has them in `changes`, and {@link Frame.parts} is not known yet.
  * @typedef {{ is: 'done', run: number, frame: number, mesh: Frame & { changes?: SurfaceChanges | null } | null, memoryBytes?: number }} Done
  * @typedef {{ is: 'lost', run: number, frame: number, message: string, refused?: boolean, blocks?: number }} Lost
  * @typedef {Ready | Done | Lost | { is: 'broken', message: string }} Answer

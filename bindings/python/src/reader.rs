@@ -10,7 +10,6 @@ use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::PyType;
 use std::path::PathBuf;
-use std::sync::{Mutex, PoisonError};
 
 /// Settings of reading, as Python gives them: level of detail, whether lost frames are held, whether there is colour, memory (bytes).
 type Settings = (u8, bool, bool, Option<u64>);
@@ -29,7 +28,7 @@ pub(crate) struct Frame(isv::Frame);
 
 /// The surface of frames in parts.
 #[pyclass(frozen, module = "isv._isv")]
-pub(crate) struct SurfaceParts(Mutex<isv::SurfaceParts>);
+pub(crate) struct SurfaceParts(Exclusive<isv::SurfaceParts>);
 
 type Place = (i32, i32, i32);
 
@@ -76,26 +75,26 @@ impl Reader {
     /// Number of frames; `None` where bytes come once.
     #[getter]
     fn frames(&self, py: Python<'_>) -> PyResult<Option<usize>> {
-        self.with(py, |reader| reader.frames())
+        self.reader.with(py, |reader| reader.frames())
     }
 
     #[getter]
     fn fps(&self, py: Python<'_>) -> PyResult<Option<f64>> {
-        self.with(py, |reader| reader.fps())
+        self.reader.with(py, |reader| reader.fps())
     }
 
     #[getter]
     fn voxel(&self, py: Python<'_>) -> PyResult<Option<f64>> {
-        self.with(py, |reader| reader.voxel_m())
+        self.reader.with(py, |reader| reader.voxel_m())
     }
 
     fn rewind(&self, py: Python<'_>) -> PyResult<()> {
-        self.with(py, isv::Reader::rewind)?.map_err(|error| self.raised.or(py, error))
+        self.reader.with(py, isv::Reader::rewind)?.map_err(|error| self.raised.or(py, error))
     }
 
     /// Reads what is behind the last frame: where the index is not sound, there may be damage.
     fn read_end(&self, py: Python<'_>) -> PyResult<()> {
-        let read = self.with(py, |reader| {
+        let read = self.reader.with(py, |reader| {
             let frames = reader.frames().unwrap_or(0);
             match frames.checked_sub(1) {
                 None => reader.rewind()?,
@@ -110,7 +109,7 @@ impl Reader {
     }
 
     fn next_frame(&self, py: Python<'_>) -> PyResult<Option<Frame>> {
-        let frame = self.with(py, isv::Reader::next_frame)?;
+        let frame = self.reader.with(py, isv::Reader::next_frame)?;
         self.events.log(py)?;
         Ok(frame.map_err(|error| self.raised.or(py, error))?.map(Frame))
     }
@@ -118,7 +117,7 @@ impl Reader {
     fn frame(&self, py: Python<'_>, number: usize) -> PyResult<Frame> {
         // One frame at a time, so that a signal ends a long way.
         loop {
-            let frame = self.with(py, |reader| {
+            let frame = self.reader.with(py, |reader| {
                 reader.approach(number)?;
                 reader.next_frame()
             })?;
@@ -156,11 +155,6 @@ impl Reader {
             None => reader,
         };
         Ok(Self { reader: Exclusive::new(reader), raised, events })
-    }
-
-    /// Uses the reader.
-    fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut isv::Reader) -> T + Send) -> PyResult<T> {
-        self.reader.with(py, work)
     }
 }
 
@@ -221,20 +215,20 @@ impl SurfaceParts {
     #[new]
     fn new(normals: bool) -> Self {
         let parts = if normals { isv::SurfaceParts::new() } else { isv::SurfaceParts::without_normals() };
-        Self(Mutex::new(parts))
+        Self(Exclusive::new(parts))
     }
 
     /// Takes the next frame; the places of parts that changed, and of those that are gone.
     fn update(&self, py: Python<'_>, frame: &Bound<'_, Frame>) -> PyResult<(Vec<Place>, Vec<Place>)> {
         let frame = frame.get();
-        let changes = self.with(py, |parts| parts.update(&frame.0));
+        let changes = self.0.with(py, |parts| parts.update(&frame.0))?;
         let changes = changes.map_err(|error| errors::of_library(py, error))?;
         let places = |list: Vec<[i32; 3]>| list.into_iter().map(Place::from).collect();
         Ok((places(changes.changed), places(changes.removed)))
     }
 
-    fn places(&self, py: Python<'_>) -> Vec<Place> {
-        self.with(py, |parts| parts.places().map(Place::from).collect())
+    fn places(&self, py: Python<'_>) -> PyResult<Vec<Place>> {
+        self.0.with(py, |parts| parts.places().map(Place::from).collect())
     }
 
     fn mesh<'py>(
@@ -243,20 +237,9 @@ impl SurfaceParts {
         place: Place,
         frame: &Bound<'py, Frame>,
         normals: bool,
-    ) -> Option<MeshArrays<'py>> {
+    ) -> PyResult<Option<MeshArrays<'py>>> {
         let frame = frame.get();
-        let mesh = self.with(py, |parts| parts.mesh(place.into(), &frame.0))?;
-        Some(mesh_arrays(py, mesh, normals))
-    }
-}
-
-impl SurfaceParts {
-    /// Uses the parts, without the GIL: another thread may have them.
-    fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut isv::SurfaceParts) -> T + Send) -> T {
-        py.detach(|| {
-            let mut parts = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-            let parts = &mut *parts;
-            threads::run(|| work(parts))
-        })
+        let mesh = self.0.with(py, |parts| parts.mesh(place.into(), &frame.0))?;
+        Ok(mesh.map(|mesh| mesh_arrays(py, mesh, normals)))
     }
 }

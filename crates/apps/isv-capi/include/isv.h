@@ -405,7 +405,7 @@ typedef struct isv_decode_report {
 typedef int32_t (*isv_write_fn)(void *user, const uint8_t *bytes, size_t size);
 
 /**
- * Lens and place of a camera. Lens distortion has been removed from its images.
+ * Lens and place of a camera. Lens distortion has been removed from its images, which have 2^28 pixels at most.
  */
 typedef struct isv_camera {
     /**

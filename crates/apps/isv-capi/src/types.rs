@@ -45,7 +45,7 @@ pub struct isv_points {
     pub viewpoint: *const f32,
 }
 
-/// Lens and place of a camera. Lens distortion has been removed from its images.
+/// Lens and place of a camera. Lens distortion has been removed from its images, which have 2^28 pixels at most.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct isv_camera {

@@ -18,17 +18,6 @@ const MOST_TABLE_BYTES: u64 = 1 << 28;
 /// Most tracks of a file that are looked at.
 const MOST_TRACKS: usize = 256;
 
-/// How many samples the lists at the end of a file (`isvi`) name, by track. `body`: of `mfra`, which begins at byte `at`.
-fn listed_samples(body: &[u8], at: u64) -> Result<Vec<(u32, u32)>, Mp4Error> {
-    let lists = boxes(body, at)?.into_iter().filter(|one| one.kind == *b"isvi");
-    // Version and flags, the track, where its first sample begins, how many there are.
-    let of_list = |body: &[u8]| {
-        let number = |from: usize| Some(u32::from_be_bytes(*body.get(from..)?.first_chunk()?));
-        Some((number(4)?, number(16)?))
-    };
-    Ok(lists.filter_map(|one| of_list(one.body)).collect())
-}
-
 /// Whether a file begins like an MP4 file. 8 bytes tell.
 #[must_use]
 pub fn is_mp4(first_bytes: &[u8]) -> bool {
@@ -247,6 +236,17 @@ impl<R: Read> Read for Counted<'_, R> {
         self.bytes += read as u64;
         Ok(read)
     }
+}
+
+/// How many samples the lists at the end of a file (`isvi`) name, by track. `body`: of `mfra`, which begins at byte `at`.
+fn listed_samples(body: &[u8], at: u64) -> Result<Vec<(u32, u32)>, Mp4Error> {
+    let lists = boxes(body, at)?.into_iter().filter(|one| one.kind == *b"isvi");
+    // Version and flags, the track, where its first sample begins, how many there are.
+    let of_list = |body: &[u8]| {
+        let number = |from: usize| Some(u32::from_be_bytes(*body.get(from..)?.first_chunk()?));
+        Some((number(4)?, number(16)?))
+    };
+    Ok(lists.filter_map(|one| of_list(one.body)).collect())
 }
 
 /// The body of a box of tables; `None` if it is cut off.

@@ -38,9 +38,7 @@ pub fn passed_over(path: &Path, colours: Colours) -> Vec<String> {
 /// The materials of an OBJ file none of whose libraries is there. A library is named in its first lines.
 fn missing_library(path: &Path) -> Option<String> {
     Format::of_path(path).filter(|format| *format == Format::Obj)?;
-    let mut start = Vec::new();
-    let file = File::open(path).ok().filter(|file| file.metadata().is_ok_and(|data| data.is_file()))?;
-    file.take(LOOKED_AT).read_to_end(&mut start).ok()?;
+    let (_, start) = start_of(path)?;
     let start = text::decode(&start);
     let named = lines(&start).filter_map(|line| match text::first_word(line) {
         Some((b"mtllib", name)) => Some(mtl::name(name)),
@@ -59,9 +57,7 @@ fn missing_library(path: &Path) -> Option<String> {
 
 fn in_file(path: &Path) -> Option<Vec<&'static str>> {
     let format = Format::of_path(path)?;
-    let mut file = File::open(path).ok().filter(|file| file.metadata().is_ok_and(|data| data.is_file()))?;
-    let mut start = Vec::new();
-    Read::by_ref(&mut file).take(LOOKED_AT).read_to_end(&mut start).ok()?;
+    let (mut file, mut start) = start_of(path)?;
     Some(match format {
         Format::Ply => in_ply(&text::decode(&start)),
         Format::Obj => in_obj(&text::decode(&start)),
@@ -74,6 +70,14 @@ fn in_file(path: &Path) -> Option<Vec<&'static str>> {
         Format::Glb | Format::Gltf => in_gltf(&start)?,
         Format::Off | Format::Stl | Format::E57 => Vec::new(),
     })
+}
+
+/// A file and its start, which has been read. Not of pipes and devices.
+fn start_of(path: &Path) -> Option<(File, Vec<u8>)> {
+    let mut file = File::open(path).ok().filter(|file| file.metadata().is_ok_and(|data| data.is_file()))?;
+    let mut start = Vec::new();
+    Read::by_ref(&mut file).take(LOOKED_AT).read_to_end(&mut start).ok()?;
+    Some((file, start))
 }
 
 fn in_ply(start: &[u8]) -> Vec<&'static str> {

@@ -33,13 +33,11 @@ use thiserror::Error;
 /// Largest error for the simplifier where only the number of faces counts, in extents of the mesh.
 const ANY_ERROR: f32 = 1e6;
 
-/// Share of the mesh's size below which a limit leaves something of any mesh.
-const SMALL: f64 = 0.05;
-/// How often a larger limit is halved at most.
-const HALVINGS: u32 = 8;
-
 /// Limit of the simplifier's first attempts, as a part of the error that may be found.
 const FIRST_LIMIT: f64 = 0.7;
+
+/// Limit, as a share of the mesh's size, under which something is left of any mesh.
+const HARMLESS: f64 = 0.05;
 
 /// Part of the allowed error that may be found where it is looked for: between these places it is larger.
 ///
@@ -106,9 +104,7 @@ pub fn simplify(mesh: &TriangleMesh, budget: &Budget) -> Result<Simplified, Simp
         return Ok(as_it_was());
     }
     let source = weld(mesh);
-    // More than the size of the mesh would allow nothing to be left of it.
-    let size_m = source.bounds().map_or(0.0, |(low, high)| low.distance(high));
-    let max_error_m = FOUND * budget.max_error_m.map_or(f64::INFINITY, |error_m| error_m.min(size_m));
+    let max_error_m = FOUND * budget.max_error_m.unwrap_or(f64::INFINITY);
     let mut locked = vec![false; source.vertices.len()];
     if budget.faces.is_some() {
         let limit = (SimplifyOptions::REGULARIZE_LIGHT, ANY_ERROR);
@@ -119,21 +115,9 @@ pub fn simplify(mesh: &TriangleMesh, budget: &Budget) -> Result<Simplified, Simp
             _ => {}
         }
     }
+    let first_limit_m = first_limit_m(&source, most_faces, max_error_m)?;
     // The simplifier's error is a mean over the planes around a vertex. Where the surface is farther off, its vertices are kept.
     // With the limit as it was, all else goes as before, so that few attempts are enough.
-    let mut first_limit_m = FIRST_LIMIT * max_error_m;
-    // Under a limit of about the mesh's size nothing may be left of it.
-    for _ in 0..HALVINGS {
-        if first_limit_m <= SMALL * size_m {
-            break;
-        }
-        let limit = (SimplifyOptions::ERROR_ABSOLUTE, first_limit_m as f32);
-        let (simplified, _) = collapse(&source, most_faces, limit, &locked)?;
-        if Errors::measure(&source, &simplified).is_some() {
-            break;
-        }
-        first_limit_m /= 2.0;
-    }
     for step in 0..LIMITS {
         let limit_m = first_limit_m * BACK_OFF.powi(step);
         // Regularisation counts the length of edges as error, which flat parts would pay for.
@@ -150,6 +134,22 @@ pub fn simplify(mesh: &TriangleMesh, budget: &Budget) -> Result<Simplified, Simp
         }
     }
     Ok(as_it_was())
+}
+
+/// Limit of the first attempt (m): a part of the error that may be found, but no more than leaves something of the mesh.
+fn first_limit_m(source: &TriangleMesh, most_faces: usize, max_error_m: f64) -> Result<f64, SimplifyError> {
+    let size_m = source.bounds().map_or(0.0, |(low, high)| low.distance(high));
+    let mut limit_m = FIRST_LIMIT * max_error_m.min(size_m);
+    let locked = vec![false; source.vertices.len()];
+    while limit_m > HARMLESS * size_m {
+        let limit = (SimplifyOptions::ERROR_ABSOLUTE, limit_m as f32);
+        let (simplified, _) = collapse(source, most_faces, limit, &locked)?;
+        if Errors::measure(source, &simplified).is_some() {
+            break;
+        }
+        limit_m /= 2.0;
+    }
+    Ok(limit_m)
 }
 
 /// Collapses edges down to a number of faces or up to an error, whichever comes first. Locked vertices stay where they are.

@@ -6,7 +6,7 @@ use crate::{stream, words};
 use anyhow::{Context, Result, bail};
 use isv::raw::mp4::write_tracks;
 use isv::raw::take::Input;
-use isv::raw::take::stream::{demux, load_index, tracks_beside};
+use isv::raw::take::stream::{Tracks, demux, load_index, tracks_beside};
 use std::path::PathBuf;
 
 /// Take the stream out of an MP4 file, byte for byte
@@ -35,25 +35,19 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             "{output}: a stream has a name such as take.isv; --tracks makes MP4 files"
         )));
     }
-    let frames = match args.output {
-        Some(_) => load_index(&input)?.frames.len(),
-        None => 0,
-    };
-    if args.output.is_some() && frames == 0 {
-        bail!("{}: no frame of the stream is there", input.name());
-    }
-    if let Some(path) = &args.tracks {
-        let tracks = tracks_beside(&input, None)?;
-        if tracks.is_empty() {
-            bail!("{}: no sound and no picture beside the stream", input.name());
-        }
-        let output = Output::create(path)?;
-        write_tracks(output, tracks).with_context(|| path.display().to_string())?.commit()?;
+    let tracks = args.tracks.as_ref().map(|_| tracks_beside(&input, None)).transpose()?;
+    if tracks.as_ref().is_some_and(Tracks::is_empty) {
+        bail!("{}: no sound and no picture beside the stream", input.name());
     }
     if let Some(path) = &args.output {
+        let frames = load_index(&input)?.frames.len();
         let observer = words::observer();
         let output = demux(&input, &*observer, || Ok(Output::create(path)?)).map_err(stream::edit_error)?;
         stream::commit_file(output, path, frames)?;
+    }
+    if let Some((path, tracks)) = args.tracks.as_ref().zip(tracks) {
+        let output = Output::create(path)?;
+        write_tracks(output, tracks).with_context(|| path.display().to_string())?.commit()?;
     }
     Ok(())
 }

@@ -67,7 +67,7 @@ pub fn tell_of_ends(name: &str, ends: &[OtherEnd], observer: &dyn Observer) {
 /// Takes the stream out of an MP4 file, byte for byte, and returns the sink.
 ///
 /// # Errors
-/// [`EditError`]: a file that is no MP4 file with geometry, and what reading and writing may fail by.
+/// [`EditError`]: a file that is no MP4 file with a frame of geometry, and what reading and writing may fail by.
 pub fn demux<W: Write>(
     input: &Input,
     observer: &dyn Observer,
@@ -75,10 +75,12 @@ pub fn demux<W: Write>(
 ) -> Result<W, EditError> {
     let fault = |fault: StreamFault| EditError::from(fault.in_stream(&input.name()));
     let mut stream = open_file(input)?;
-    if stream.mp4().is_none() {
-        return Err(fault(Mp4Error::NotMp4.into()));
+    let file = stream.mp4().ok_or_else(|| fault(Mp4Error::NotMp4.into()))?;
+    let geometry = file.track_of(TrackKind::Geometry).map_err(|error| fault(error.into()))?;
+    if file.tracks()[geometry].samples.is_empty() {
+        return Err(fault(StreamFault::EndsBefore { frame: 0 }));
     }
-    if stream.mp4().is_some_and(|file| !file.is_whole()) {
+    if !file.is_whole() {
         observer.event(&Event::Cut { name: input.name() });
     }
     let mut sink = create()?;
