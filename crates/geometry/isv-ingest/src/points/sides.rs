@@ -3,8 +3,9 @@
 //! Beside sharp creases the closest point can tell the wrong side. Two neighbouring voxels whose distances
 //! add up to more than a surface between them could explain are on one side of it. If their signs differ all
 //! the same, the regions that hang together with either in this way are followed side by side. The smaller
-//! one, which ends first, was wrong. Where neither ends, there is surface with two sides and an end that
-//! nobody saw: both voxels are unobserved.
+//! one, which ends first, was wrong, unless it is one side of a small patch, which has more surface than
+//! errors have. Where neither was wrong, there is surface with two sides and an end that nobody saw: both
+//! voxels are unobserved.
 
 use crate::caps::Blocks;
 use crate::points::bricks::step;
@@ -18,6 +19,10 @@ const APART: u32 = CODES_PER_VOXEL as u32 * 3 / 2;
 /// A region of this many voxels is not wrong.
 const LARGE: usize = 8192;
 
+/// Surface, in edges between voxels near it, from which on a region is one side of a patch and not an error. Of a person's errors hardly
+/// any has so much.
+const PATCH: usize = 16;
+
 /// A voxel: its block, and its index there.
 type VoxelAt = (u32, u16);
 
@@ -26,8 +31,8 @@ struct Sides<'a> {
     blocks: &'a mut Blocks,
     index: BlockIndex,
     edge: BlockEdge,
-    /// Voxels of regions that are large.
-    large: FxHashSet<VoxelAt>,
+    /// Voxels of regions that are right: large ones, and sides of patches.
+    right: FxHashSet<VoxelAt>,
 }
 
 /// Voxels on one side, as far as they have been followed.
@@ -41,7 +46,7 @@ impl Blocks {
     /// Settles signs that contradict each other.
     pub(crate) fn settle_sides(&mut self, edge: BlockEdge) {
         let index = BlockIndex::new(&self.coords);
-        let mut sides = Sides { blocks: self, index, edge, large: FxHashSet::default() };
+        let mut sides = Sides { blocks: self, index, edge, right: FxHashSet::default() };
         let conflicts: Vec<[VoxelAt; 2]> = (0..sides.blocks.coords.len() as u32)
             .into_par_iter()
             .flat_map_iter(|block| sides.conflicts(block))
@@ -99,20 +104,23 @@ impl Sides<'_> {
         }
         let mut regions =
             pair.map(|at| Region { voxels: vec![at], found: FxHashSet::from_iter([at]), followed: 0 });
-        while regions.iter().any(|region| !self.is_large(region)) {
+        while regions.iter().any(|region| !self.is_right(region)) {
             for region in &mut regions {
-                if self.is_large(region) {
+                if self.is_right(region) {
                     continue;
                 }
-                if region.followed == region.voxels.len() {
+                if region.followed < region.voxels.len() {
+                    self.follow(region);
+                } else if self.is_side_of_patch(region) {
+                    self.right.extend(&region.voxels);
+                } else {
                     self.reverse(&region.voxels);
                     return;
                 }
-                self.follow(region);
             }
         }
         for region in regions {
-            self.large.extend(region.voxels);
+            self.right.extend(region.voxels);
         }
         for (block, voxel) in pair {
             let mask = self.blocks.masks.entry(block).or_insert_with(|| VoxelMask::empty(self.edge));
@@ -120,9 +128,20 @@ impl Sides<'_> {
         }
     }
 
-    /// Whether a region is known to be large.
-    fn is_large(&self, region: &Region) -> bool {
-        region.voxels.len() >= LARGE || region.voxels.last().is_some_and(|at| self.large.contains(at))
+    /// Whether a region is known to be right.
+    fn is_right(&self, region: &Region) -> bool {
+        region.voxels.len() >= LARGE || region.voxels.last().is_some_and(|at| self.right.contains(at))
+    }
+
+    /// Whether a region that has been followed lies along at least [`PATCH`] of surface, which it would lose or double if it were
+    /// reversed.
+    fn is_side_of_patch(&self, region: &Region) -> bool {
+        let along_surface = |at: &VoxelAt| {
+            let next = (0..6).filter_map(|side| self.neighbour(*at, side));
+            next.filter(|next| sum(self.sample(*at), self.sample(*next)) <= APART && self.is_observed(*next))
+                .count()
+        };
+        region.voxels.iter().map(along_surface).sum::<usize>() >= PATCH
     }
 
     /// Adds the neighbours of the next voxel of a region that are on its side.
@@ -135,7 +154,7 @@ impl Sides<'_> {
             let same = (s < 0) == (t < 0) && sum(s, t) > APART && self.is_observed(next);
             if same && region.found.insert(next) {
                 region.voxels.push(next);
-                if self.large.contains(&next) {
+                if self.right.contains(&next) {
                     return;
                 }
             }

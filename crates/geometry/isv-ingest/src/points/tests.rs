@@ -53,6 +53,19 @@ fn sheet(half: f64, hole: impl Fn(DVec3) -> bool) -> PointCloud {
     }
 }
 
+/// Points 1 cm apart on a square of `side` of them, from `corner` on, along the other two axes than `axis`.
+fn patch(side: usize, axis: usize, corner: f64) -> PointCloud {
+    let mut cloud = PointCloud::default();
+    for number in 0..side * side {
+        let mut position = [corner; 3];
+        position[(axis + 1) % 3] += 0.01 * (number / side) as f64;
+        position[(axis + 2) % 3] += 0.01 * (number % side) as f64;
+        cloud.positions.push(position.into());
+        cloud.normals.push(DVec3::AXES[axis]);
+    }
+    cloud
+}
+
 /// Calls `check` with centre (metres), sample (voxels) and whether it is observed, for every voxel of the volume.
 fn for_each_voxel(volume: &SparseVolume, mut check: impl FnMut(DVec3, f64, bool)) {
     let (grid, n) = (volume.grid(), volume.grid().edge.voxels());
@@ -288,4 +301,21 @@ fn the_whole_sphere_is_seen() {
     assert_eq!(volume.unobserved_masks().values().map(VoxelMask::count).sum::<usize>(), 0);
     let expected = 4.0 * std::f64::consts::PI * 0.04;
     assert!((area(&volume) / expected - 1.0).abs() < 0.01);
+}
+
+#[test]
+fn small_patches_keep_their_surface_wherever_they_lie() {
+    for side in [8, 12, 16, 25, 32, 40] {
+        for axis in 0..3 {
+            for corner in [0.0, 0.004, 0.0075, -0.003, 0.31] {
+                let cloud = patch(side, axis, corner);
+                let volume =
+                    ingest_points(&cloud, &settings(0.015, BlockEdge::E8), PointSign::Oriented).unwrap();
+                let surface = extract_surface(&volume, &SurfaceOptions::default());
+                let area = surface.area() / (0.01 * side as f64).powi(2);
+                // It ends up to a voxel beyond its last points.
+                assert!((0.9..1.7).contains(&area), "{side} along axis {axis} at {corner}: {area:.2}");
+            }
+        }
+    }
 }
