@@ -140,7 +140,8 @@ export class DecodeAhead {
 
   /** Decodes nothing but the target until {@link DecodeAhead.release}: it has the processors to itself, and so has the drawing of it. */
   hurry() {
-    this.#hurried = !this.settled(this.target);
+    if (this.settled(this.target)) this.release();
+    else this.#hurried = true;
   }
 
   /** The target's picture has been drawn. */

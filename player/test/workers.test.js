@@ -147,6 +147,17 @@ test('a hurried frame that is there holds nothing up', async () => {
   assert.ok(ahead.settled(36), 'decoding goes on');
 });
 
+test('hurrying once more for a frame that has come by then goes on behind it', async () => {
+  const { ahead } = begun({ frames: 1000 });
+  ahead.aim(735);
+  ahead.hurry();
+  await rest();
+  assert.ok(ahead.settled(735) && !ahead.settled(750));
+  ahead.hurry();
+  await rest();
+  assert.ok(ahead.settled(750));
+});
+
 test('who listens late is told what happened', async () => {
   const { ahead, events } = begun({ frames: 30, damaged: [4], silent: true });
   await rest();
