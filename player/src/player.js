@@ -224,6 +224,7 @@ export class IsvPlayer extends EventTarget {
   seek(frame) {
     this.#scrub = -1;
     this.#dragged = false;
+    this.ahead?.askAgain();
     this.#move(frame);
     this.#aim();
     this.ahead?.hurry();

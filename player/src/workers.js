@@ -33,6 +33,8 @@ export class DecodeAhead {
   lost = new Map();
   /** Those of them that are sound but need more memory than the decoder may have. @type {Set<number>} */
   refused = new Set();
+  /** Those of them that a server did not have. @type {Set<number>} */
+  #absent = new Set();
   loop = true;
   details = false;
   /** Settles when a decoder works, or none ever will. @type {Promise<void>} */
@@ -148,6 +150,15 @@ export class DecodeAhead {
   release() {
     if (!this.#hurried) return;
     this.#hurried = false;
+    this.#deal();
+  }
+
+  /** Asks a server again for what it did not have: it may have it now. */
+  askAgain() {
+    if (!this.#absent.size) return;
+    for (const frame of this.#absent) this.lost.delete(frame);
+    this.#absent.clear();
+    this.#passed = 0;
     this.#deal();
   }
 
@@ -401,6 +412,7 @@ export class DecodeAhead {
     for (let lost = frame; lost < resumes; lost++) {
       this.lost.set(lost, message);
       if (refused) this.refused.add(lost);
+      if (missing) this.#absent.add(lost);
     }
     if (!known) this.#tell((on) => on.lost?.({ frame, resumes, message, refused, missing }));
   }

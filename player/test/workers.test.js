@@ -264,6 +264,23 @@ test('a part that cannot be had is passed over without a wait', async () => {
   assert.ok(ahead.get(499) && ahead.get(510));
 });
 
+test('a part that could not be had is asked for again', async () => {
+  const { ahead, source, ports } = begun({ frames: 1000 });
+  for (const port of ports) port.damaged.add(485);
+  source.gone.add(500);
+  ahead.aim(480);
+  await rest();
+  source.gone.delete(500);
+  ahead.aim(495);
+  await rest();
+  assert.ok(ahead.lost.has(500), 'not by itself');
+  ahead.askAgain();
+  ahead.aim(500);
+  await rest();
+  assert.ok(ahead.get(500) && !ahead.lost.has(500));
+  assert.ok(ahead.lost.has(485), 'what is damaged stays so');
+});
+
 test('a frame that cannot be decoded comes from another stream, as long as there is one', async () => {
   const { ahead, source, events, ports } = begun({ frames: 1000 });
   for (const port of ports) port.damaged.add(503);
