@@ -64,6 +64,18 @@ test('a playlist of one rung is a ladder of one', async () => {
   assert.deepEqual(Buffer.from(await source.packet(5)), Buffer.from(packets[5]));
 });
 
+test('a rung whose playlist or header the server does not have is left out', async () => {
+  for (const path of ['/files/rung-1/stream.m3u8', '/files/rung-0/init.mp4'])
+    await damaged('missing', [path], async () => {
+      const source = await open();
+      assert.deepEqual(source.rungs?.all.map(({ bandwidth }) => bandwidth), path.includes('rung-1') ? [4000, 1000] : [2000, 1000]);
+      assert.deepEqual(Buffer.from(await source.packet(5)), Buffer.from(packets[5]));
+      source.close();
+    });
+  const all = [0, 1, 2].map((rung) => `/files/rung-${rung}/stream.m3u8`);
+  await damaged('missing', all, () => assert.rejects(open(), { message: 'stream.m3u8: the server has no such file' }));
+});
+
 test('it begins at the lowest rung, and goes to the one that the network has room for', async () => {
   server.requests.length = 0;
   const source = await open();

@@ -36,6 +36,7 @@ const TRUSTED = 0.5;
  *
  * @typedef {object} Rung
  * @property {number} bandwidth bits a second
+ * @property {string} codecs as the playlist has them
  * @property {Media} media
  * @property {import('../mp4/movie.js').Track} track
  *
@@ -123,7 +124,7 @@ export class LadderSource {
     const soundUrl = [...master.sounds.values()][0];
     const meter = { bytes: 0 };
     const [rungs, sound] = await Promise.all([
-      Promise.all(master.rungs.map((rung) => readRung(rung, rung.url === url ? text : undefined))),
+      thoseThere(master.rungs.map((rung) => readRung(rung, rung.url === url ? text : undefined))),
       soundUrl === undefined ? null : readSound(master.sounds.get(master.rungs[0].sound ?? '') ?? soundUrl, meter),
     ]);
     checkAligned(rungs);
@@ -132,7 +133,7 @@ export class LadderSource {
       headers: rungs.map(({ isvC }) => isvC.slice(0, STREAM_HEADER_BYTES)),
       facts: rungs.map(({ isvC }) => opened(parse, isvC.slice(0, STREAM_HEADER_BYTES), bytes.name)),
       metadata: metadataOf(rungs[0].isvC.subarray(STREAM_HEADER_BYTES, METADATA_LIMIT)),
-      all: master.rungs.map(({ bandwidth, codecs }) => ({ bandwidth, codecs })),
+      all: rungs.map(({ bandwidth, codecs }) => ({ bandwidth, codecs })),
       sound,
       meter,
     });
@@ -398,11 +399,24 @@ export class LadderSource {
 }
 
 /** @param {import('./playlist.js').RungFacts} rung @param {string} [text] of its playlist, if that is there @returns {Promise<Rung & { isvC: Uint8Array }>} */
-async function readRung({ url, bandwidth }, text) {
+async function readRung({ url, bandwidth, codecs }, text) {
   const media = parseMedia(text ?? (await downloadText(url)), url);
   const { ftyp, moov } = await readInit(media.init);
   const { geometry, isvC } = readMovie(moov, ftyp, 'the playlist');
-  return { bandwidth, media, track: geometry, isvC };
+  return { bandwidth, codecs, media, track: geometry, isvC };
+}
+
+/**
+ * Those rungs whose playlist and header the server has. It rejects where there are none, and where one is not what it should be.
+ * @template T
+ * @param {Promise<T>[]} rungs
+ */
+async function thoseThere(rungs) {
+  const read = await Promise.allSettled(rungs);
+  const failed = read.filter((one) => one.status === 'rejected').map(({ reason }) => reason);
+  const wrong = failed.find((reason) => !(reason instanceof IsvFailure && reason.kind === 'missing'));
+  if (wrong || failed.length === rungs.length) throw wrong ?? failed[0];
+  return read.filter((one) => one.status === 'fulfilled').map(({ value }) => value);
 }
 
 /** @param {string} url of a playlist @param {Meter} meter @returns {Promise<import('../sound/tracks.js').SoundTracks | null>} */
