@@ -74,8 +74,14 @@ fn encoding_into_it_is_encoding_and_putting_into_it() {
     let output = encode.iter().position(|word| *word == "take.isv").unwrap();
     encode[output] = "direct.mp4";
     encode.extend(["--audio", "clicks.wav"]);
-    work.isv(&encode).done();
+    let said = work.isv(&encode).done().stderr();
     assert!(work.read("direct.mp4") == work.read("take.mp4"));
+    // The rate is that of the packets, which are the stream but for its header and its end.
+    let rate =
+        said.split(" Mbps without sound and picture").next().and_then(|said| said.split(' ').next_back());
+    let bytes = rate.unwrap().parse::<f64>().unwrap() * 1e6 / 8.0 * 0.3;
+    let stream = work.read("take.isv").len() as f64;
+    assert!((0.7 * stream..stream).contains(&bytes), "{bytes} of {stream}: {said}");
 }
 
 #[test]

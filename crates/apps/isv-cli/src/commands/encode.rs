@@ -280,6 +280,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     }
     let voxel_m = job.header().grid.voxel_size.metres();
     let tracks = flags.open_tracks(&input, job.header().frame_rate, &args.output)?;
+    let has_tracks = !tracks.is_empty();
     let output = StreamOutput::create(&args.output, tracks)?;
     let mut stats = StatsFile::create(args.stats.as_deref(), [&flags.input, &args.output])?;
     if options.band == Some(Band::Full) {
@@ -307,7 +308,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         }
     };
     let output = stream::finish(writer.finish()?, &args.output)?;
-    finish(args, &options, output, &report, voxel_m, stats)
+    finish(args, &options, (output, has_tracks), &report, voxel_m, stats)
 }
 
 fn frame_stats(report: &FrameReport) -> EncodedFrameStats {
@@ -346,27 +347,31 @@ fn rescue(stream: UnfinishedStream<StreamOutput>) {
     }
 }
 
-/// Completes the stream, which is a shorter one after Ctrl-C.
+/// Completes the stream, which is a shorter one after Ctrl-C. `has_tracks`: whether sound or picture lies beside it, which its rate does
+/// not count.
 fn finish(
     args: &Args,
     options: &EncodeOptions,
-    stream: Output,
+    (file, has_tracks): (Output, bool),
     report: &Report,
     voxel_m: f64,
     stats: StatsFile<EncodedFrameStats>,
 ) -> Result<()> {
     let (input, output) = (Input::from_argument(&args.capture.input).name(), args.output.display());
     let frames = frames_in_words(report.frames);
-    let bytes = stream.commit()?;
-    let mbps = megabits_per_second(bytes, report.seconds);
+    let bytes = file.commit()?;
+    let stream_bytes = if has_tracks { report.bytes } else { bytes };
+    let mbps = megabits_per_second(stream_bytes, report.seconds);
+    let without = if has_tracks { " without sound and picture" } else { "" };
     let ms = stats.wall_ms() / report.frames as f64;
-    let ratio = report.input_bytes.filter(|_| !report.is_cancelled).map(|input| ratio_in_words(input, bytes));
+    let ratio =
+        report.input_bytes.filter(|_| !report.is_cancelled).map(|input| ratio_in_words(input, stream_bytes));
     let shell = report.shell_mm.map(|shell_mm| format!("shell {shell_mm} mm thick"));
     let more: String = [ratio, shell].into_iter().flatten().map(|more| format!(", {more}")).collect();
     let name = if is_pipe(&args.output) { "standard output".to_owned() } else { output.to_string() };
-    say(format_args!("{name}: {frames}, {bytes} bytes, {mbps:.3} Mbps, {ms:.0} ms a frame{more}"));
+    say(format_args!("{name}: {frames}, {bytes} bytes, {mbps:.3} Mbps{without}, {ms:.0} ms a frame{more}"));
     if let Some((rate, most_bits)) = options.main.most_bits(report.seconds)
-        && bytes as f64 * 8.0 > most_bits
+        && stream_bytes as f64 * 8.0 > most_bits
     {
         let voxel = Length::from_metres(voxel_m);
         say(format_args!(

@@ -88,6 +88,8 @@ pub struct Report {
     pub empty: usize,
     /// Frames that were left out.
     pub skipped: usize,
+    /// Size of the packets of all frames (bytes).
+    pub bytes: u64,
     /// Time that the stream takes to show (s).
     pub seconds: f64,
     /// Size of the input files (bytes), if it is known.
@@ -289,6 +291,8 @@ pub(super) struct StreamSink<W: Write> {
     pub(super) frames: usize,
     empty: usize,
     skipped: usize,
+    /// Size of the packets of all frames.
+    bytes: u64,
 }
 
 impl<W: Write> StreamSink<W> {
@@ -312,6 +316,7 @@ impl<W: Write> StreamSink<W> {
             frames: 0,
             empty: 0,
             skipped: 0,
+            bytes: 0,
         })
     }
 
@@ -350,6 +355,7 @@ impl<W: Write> StreamSink<W> {
         let bytes =
             self.packets.write_coloured_frame(coded.keyframe, timestamp_ns, &coded.payload(), colour_part)?;
         self.frames += 1;
+        self.bytes += bytes as u64;
         self.empty += usize::from(!has_surface);
         let voxel_m = self.header.grid.voxel_size.metres();
         let surface_rms_m = surface_rms_voxels.map(|voxels| voxels * voxel_m);
@@ -403,6 +409,7 @@ impl<W: Write> StreamSink<W> {
             frames: self.frames,
             empty: self.empty,
             skipped: self.skipped,
+            bytes: self.bytes,
             seconds: self.timeline.end_s(),
             input_bytes,
             shell_mm,
