@@ -10,6 +10,7 @@ use crate::{DeviceError, Observer, OpenDevice};
 use isv_encode::colour::{ColourEncoder, EncodedColour};
 use isv_encode::{ColourRate, UnwrittenFrame, surface_rms_voxels};
 use isv_format::StreamHeader;
+use isv_surface::{SurfaceOptions, extract_surface};
 use isv_volume::{BlockIndex, ColourSample, SparseVolume};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -150,7 +151,7 @@ impl Coding {
         let frame = coded?;
         let is_lost = has_surface && volume.block_count() <= FEW_BLOCKS && {
             let decoded = coder.reconstruction()?.expect("a frame was just coded");
-            !decoded.samples().any(|sample| sample < 0)
+            extract_surface(&decoded, &SurfaceOptions { normals: false }).triangles.is_empty()
         };
         let surface_rms_voxels = match self.measures_change {
             true => {

@@ -33,6 +33,8 @@ const NEAR_WEIGHT: f32 = 0.3;
 /// The samples that a block turns to a neighbour lie on the surface if they are nearer to it than this on average, in codes. Where that
 /// neighbour is not coded its side is what they vote for (`docs/spec/format.md`, 7.10.8), which must not be left to rounding.
 const FACE_ON_SURFACE: i32 = CODES_PER_VOXEL / 2;
+/// The same of a face that was observed in part: what coding moves a surface by, and no more, as blocks at rims cost bits.
+const PART_ON_SURFACE: i32 = CODES_PER_VOXEL / 4;
 
 /// [`SIGN_MARGIN`] in codes.
 const SIGN_MARGIN_CODES: f32 = SIGN_MARGIN * CODES_PER_VOXEL as f32;
@@ -332,21 +334,28 @@ impl Signs {
         if let Some(mask) = volume.unobserved(block) {
             observed.iter_mut().zip(mask.words()).for_each(|(observed, unobserved)| *observed = !unobserved);
         }
-        Self { inside, observed, faces_on_surface: faces_on_surface(samples) }
+        Self { inside, observed, faces_on_surface: faces_on_surface(samples, &observed) }
     }
 }
 
-/// Faces of a block that lie on the surface, as bits of [`Signs::faces_on_surface`].
-fn faces_on_surface(samples: &Block) -> u8 {
+/// Faces of a block that lie on the surface where they were observed, as bits of [`Signs::faces_on_surface`]. Of a sheet that ends
+/// within a face, the rest tells nothing.
+fn faces_on_surface(samples: &Block, observed: &Bits) -> u8 {
     let mut faces = 0;
     for (axis, stride) in [1, 8, 64].into_iter().enumerate() {
         let [row, plane] = [[8, 64], [1, 64], [1, 8]][axis];
         for (upper, start) in [0, 7 * stride].into_iter().enumerate() {
-            let distance = |i: usize| i32::from(samples[start + i % 8 * row + i / 8 * plane]).abs();
+            let distance = |i: usize| {
+                let voxel = start + i % 8 * row + i / 8 * plane;
+                (observed[voxel / 64] >> (voxel % 64) & 1 == 1).then(|| i32::from(samples[voxel]).abs())
+            };
+            let is_near = |corner: usize| distance(corner).is_none_or(|d| d < 3 * FACE_ON_SURFACE);
             // A field that is almost linear and of one sign is nowhere farther off than twice its mean.
-            let near = [0, 7, 56, 63].into_iter().all(|corner| distance(corner) < 3 * FACE_ON_SURFACE)
-                && (0..64).map(distance).sum::<i32>() < 64 * FACE_ON_SURFACE;
-            faces |= u8::from(near) << (2 * axis + upper);
+            if [0, 7, 56, 63].into_iter().all(is_near) {
+                let (count, sum) = (0..64).filter_map(distance).fold((0, 0), |(n, sum), d| (n + 1, sum + d));
+                let most = if count == 64 { FACE_ON_SURFACE } else { PART_ON_SURFACE };
+                faces |= u8::from(sum < count * most) << (2 * axis + upper);
+            }
         }
     }
     faces
