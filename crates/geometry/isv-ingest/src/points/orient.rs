@@ -23,7 +23,7 @@ const SMOOTH: f64 = 0.9;
 const PATCH_VOTES: f64 = 1.0;
 
 /// Neighbours with a smaller cosine say nothing about each other's sides.
-const CREASE: f64 = 0.5;
+pub(super) const CREASE: f64 = 0.5;
 
 /// Share of its outermost points, those inward taken off, that faces outward on a part that is nearly closed.
 const OUTWARD: f64 = 0.5;

@@ -1,5 +1,6 @@
 //! Whether the normals of a point cloud can tell inside from outside.
 
+use super::orient::CREASE;
 use crate::SignMode;
 use glam::DVec3;
 use isv_spatial::PointTree;
@@ -108,9 +109,11 @@ fn gather_evidence(cloud: &PointCloud) -> PointEvidence {
             let others = found.iter().take(COMPARED).filter_map(|n| known(finite[n.index as usize]));
             let (mut compared, mut agreeing) = (0, 0);
             if let Some(normal) = known(finite[own]) {
-                for other in others {
+                // Neighbours across a crease tell nothing.
+                let cosines = others.map(|other| normal.normalize().dot(other.normalize()));
+                for cosine in cosines.filter(|cosine| cosine.abs() >= CREASE) {
                     compared += 1;
-                    agreeing += usize::from(normal.dot(other) > 0.0);
+                    agreeing += usize::from(cosine > 0.0);
                 }
             }
             (compared, agreeing, spacing)

@@ -319,3 +319,23 @@ fn small_patches_keep_their_surface_wherever_they_lie() {
         }
     }
 }
+
+#[test]
+fn right_angles_do_not_make_normals_contradict_each_other() {
+    let mut cloud = PointCloud::default();
+    for side in 0..6 {
+        let (axis, sign) = (side % 3, if side < 3 { 1.0 } else { -1.0 });
+        for number in 0..21 * 21 {
+            let [i, j] = [number / 21, number % 21].map(|at| 0.005 * f64::from(at) - 0.05);
+            let mut position = [0.05 * sign; 3];
+            (position[(axis + 1) % 3], position[(axis + 2) % 3]) = (i, j);
+            cloud.positions.push(position.into());
+            cloud.normals.push(sign * DVec3::AXES[axis]);
+        }
+    }
+    let (sign, evidence) = decide_point_sign(&cloud, SignMode::Auto);
+    assert_eq!(sign, PointSign::Oriented, "{evidence}");
+    // One in ten of the points looks the other way.
+    cloud.normals.iter_mut().step_by(10).for_each(|normal| *normal = -*normal);
+    assert_eq!(decide_point_sign(&cloud, SignMode::Auto).0, PointSign::Offset);
+}
