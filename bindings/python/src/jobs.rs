@@ -348,8 +348,8 @@ pub(crate) fn join(
     let events = Events::default();
     let joined = py.detach(|| {
         let observer = observer(&events);
-        let tracks =
-            stream::tracks_kept_in(&output, || Ok(stream::tracks_beside_all(&inputs)?.unwrap_or_default()))?;
+        let beside = || Ok(stream::tracks_beside_all(&inputs, times)?.unwrap_or_default());
+        let tracks = stream::tracks_kept_in(&output, beside)?;
         let create = || StreamOutput::create(&output, tracks);
         stream::join(&inputs, times, MemoryLimit::default(), &observer, create)
     });

@@ -1,11 +1,12 @@
 //! Arguments for sound and picture beside a stream.
 
 use anyhow::{Context, Result};
-use isv::raw::mp4::{SoundOptions, Trimmed};
+use isv::raw::mp4::{Mp4Error, SampleSource, SoundOptions, SourceSample, TrackDescription, Trimmed};
 use isv::raw::take::BitRate;
 use isv::raw::take::stream::{Tracks, picture, sound};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
 
 /// Sound and picture beside a stream in an MP4 file.
 #[derive(Debug, clap::Args)]
@@ -57,5 +58,37 @@ impl TrackArgs {
             }
             None => tracks,
         })
+    }
+}
+
+/// A track that begins with the first frame of a stream, which is known by the time that it is read.
+pub(crate) struct FromFirstFrame {
+    /// Not trimmed before the first sample is asked for.
+    track: Option<Box<dyn SampleSource>>,
+    description: TrackDescription,
+    /// Time (ns) of that frame in the track.
+    begin: Arc<OnceLock<u64>>,
+    begun: bool,
+}
+
+impl FromFirstFrame {
+    pub(crate) fn new(track: Box<dyn SampleSource>, begin: &Arc<OnceLock<u64>>) -> Self {
+        let description = track.description().clone();
+        Self { track: Some(track), description, begin: Arc::clone(begin), begun: false }
+    }
+}
+
+impl SampleSource for FromFirstFrame {
+    fn description(&self) -> &TrackDescription {
+        &self.description
+    }
+
+    fn next_sample(&mut self) -> Result<Option<SourceSample>, Mp4Error> {
+        let begin_ns = self.begin.get().copied().unwrap_or(0);
+        if !std::mem::replace(&mut self.begun, true) && begin_ns > 0 {
+            let whole = self.track.take();
+            self.track = whole.map(|track| Box::new(Trimmed::new(track, begin_ns, u64::MAX)) as _);
+        }
+        self.track.as_mut().map_or(Ok(None), |track| track.next_sample())
     }
 }

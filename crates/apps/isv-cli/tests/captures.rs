@@ -627,3 +627,12 @@ fn sides_that_are_a_guess_are_said_to_be() {
     let run = work.isv(&["encode", "given.xyz", "-o", "out.isv", "--viewpoint", "0,0,-9"]).done();
     assert!(run.stderr().contains("--viewpoint is without effect"), "{}", run.stderr());
 }
+
+#[test]
+fn an_mp4_file_comes_through_a_pipe() {
+    let (work, _) = Workspace::with_stream(3);
+    work.isv(&["mux", "take.isv", "-o", "take.mp4"]).done();
+    work.isv_with_input(&["encode", "-", "-o", "piped.isv"], &work.read("take.mp4")).done();
+    work.isv(&["encode", "take.isv", "-o", "again.isv"]).done();
+    assert!(work.read("piped.isv") == work.read("again.isv"));
+}

@@ -350,3 +350,59 @@ fn a_file_that_is_cut_off_has_its_first_frames() {
     work.write("none.mp4", &bytes[..first.at as usize + 10]);
     work.isv(&["demux", "none.mp4", "-o", "none.isv"]).fails(1, &["none.mp4: ends before frame 0"]);
 }
+
+/// The first packet of sound of a file.
+fn first_sound(work: &Workspace, file: &str) -> Vec<u8> {
+    let mut file = open(work, file);
+    let sound = file.track_of(TrackKind::Sound).unwrap();
+    let first = file.tracks()[sound].samples[0];
+    file.read(&first).unwrap()
+}
+
+/// The first packet of sound of a file at a time or after it.
+fn sound_from(work: &Workspace, file: &str, from_ms: u64) -> Vec<u8> {
+    let mut file = open(work, file);
+    let sound = file.track_of(TrackKind::Sound).unwrap();
+    let track = &file.tracks()[sound];
+    let found = track.samples.iter().find(|sample| track.shown_ns(sample) >= from_ms * 1_000_000);
+    let found = *found.unwrap();
+    file.read(&found).unwrap()
+}
+
+#[test]
+fn sound_begins_with_the_first_frame_that_is_coded() {
+    let work = Workspace::with_figure(8);
+    work.write("sound.wav", waveform(1.0));
+    let encode = |output: &str, more: &[&str]| {
+        let run = ["encode", "frames", "-o", output, "--voxel", "30mm", "--audio", "sound.wav"];
+        work.isv(&[&run[..], more].concat()).done();
+    };
+    // Numbers tell when frames are shown: the fifth, ten frames after the first.
+    for frame in 4..8 {
+        let bytes = work.read(&format!("frames/frame_{frame}.ply"));
+        std::fs::remove_file(work.path(&format!("frames/frame_{frame}.ply"))).unwrap();
+        work.write(&format!("frames/frame_{}.ply", frame + 6), bytes);
+    }
+    encode("whole.mp4", &[]);
+    encode("part.mp4", &["--frames", "4..8"]);
+    assert!(first_sound(&work, "part.mp4") == sound_from(&work, "whole.mp4", 333));
+    for frame in 0..3 {
+        work.write(&format!("frames/frame_{frame}.ply"), "no mesh");
+    }
+    encode("left.mp4", &["--skip-bad-frames"]);
+    assert!(first_sound(&work, "left.mp4") == sound_from(&work, "whole.mp4", 100));
+}
+
+#[test]
+fn joined_sound_is_where_its_frames_are() {
+    let work = Workspace::with_figure(9);
+    work.write("sound.wav", waveform(1.0));
+    for (range, output) in [("0..3", "a.mp4"), ("6..9", "b.mp4")] {
+        let run = ["encode", "frames", "-o", output, "--voxel", "30mm", "--time-origin", "0"];
+        work.isv(&[&run[..], &["--frames", range, "--audio", "sound.wav"]].concat()).done();
+    }
+    work.isv(&["join", "a.mp4", "b.mp4", "-o", "kept.mp4", "--keep-times"]).done();
+    assert!(sound_from(&work, "kept.mp4", 199) == first_sound(&work, "b.mp4"));
+    work.isv(&["join", "a.mp4", "b.mp4", "-o", "followed.mp4"]).done();
+    assert!(sound_from(&work, "followed.mp4", 99) == first_sound(&work, "b.mp4"));
+}

@@ -154,3 +154,37 @@ fn lower_rates_have_larger_voxels_as_far_as_that_is_allowed() {
     };
     assert!((voxel_m("rung-2") / voxel_m("rung-0") - 2.0).abs() < 1e-4);
 }
+
+#[test]
+fn frames_that_are_left_out_leave_segments_aligned() {
+    let work = Workspace::with_figure(FRAMES);
+    work.write("frames/frame_1.ply", "no mesh");
+    let run = ["package", "frames", "-o", "site", "--rungs", "2", "--voxel", "20mm", "--gop", "3"];
+    work.isv(&[&run[..], &["--skip-bad-frames"]].concat()).done();
+    for rung in ["rung-0", "rung-1"] {
+        let frames: Vec<usize> = segments(&work, rung).iter().map(|segment| segment.0).collect();
+        assert_eq!(frames, [GOP - 1, GOP, FRAMES - 2 * GOP], "{rung}");
+    }
+}
+
+#[test]
+fn a_stream_is_not_copied_where_something_else_is_asked_for() {
+    let (work, _) = Workspace::with_stream(FRAMES);
+    let run = ["package", "take.isv", "-o", "site", "--rungs", "1"];
+    work.isv(&run).done();
+    let copied = stream(&work, "rung-0");
+    for more in [&["--gop", "2"][..], &["--title", "A walk"], &["--fps", "15"]] {
+        work.isv(&[&run[..], more].concat()).done();
+        assert!(stream(&work, "rung-0") != copied, "{more:?}");
+    }
+}
+
+#[test]
+fn lower_rates_that_cannot_be_are_refused_at_once() {
+    let work = Workspace::with_figure(2);
+    let run = ["package", "frames", "-o", "site", "--voxel", "20mm", "--profile", "paper"];
+    work.isv(&run).fails(1, &["profile paper has no rate control: --rungs 1"]);
+    work.isv(&[&run[..], &["--rungs", "1"]].concat()).done();
+    let piped = ["package", "-", "-o", "site", "--voxel", "20mm"];
+    work.isv_with_input(&piped, &work.read("frames/frame_0.ply")).fails(1, &["read once for each rate"]);
+}

@@ -107,6 +107,20 @@ fn colours_stay_on_their_side_of_a_jump_in_depth() {
 }
 
 #[test]
+fn colour_images_that_are_not_kept_are_told_of() {
+    let work = Workspace::new();
+    record(&work, 1, 0.05, r#""view""#);
+    let said = |more: &[&str]| {
+        let run = ["encode", "take", "-o", "out.isv", "--voxel", "20mm"];
+        work.isv(&[&run, more].concat()).done().stderr().contains("take: not kept: colour images")
+    };
+    assert!(!said(&[]) && said(&["--profile", "paper"]));
+    work.isv(&["encode", "take", "-o", "out.isv", "--voxel", "20mm"]).done();
+    let again = work.isv(&["encode", "out.isv", "-o", "again.isv", "--profile", "paper"]).done();
+    assert!(again.stderr().contains("out.isv: not kept: colour"), "{}", again.stderr());
+}
+
+#[test]
 fn a_still_room_costs_next_to_nothing() {
     let work = Workspace::new();
     record(&work, 6, 0.0, r#""view""#);

@@ -6,7 +6,7 @@ mod matching;
 mod pipe;
 mod size;
 
-use crate::encode::{CaptureError, FrameError};
+use crate::encode::{CaptureError, FrameError, TimestampSource};
 use crate::metadata::Metadata;
 use crate::stream::{self, DecodeSettings};
 use crate::tile_texture::add_tile_texture;
@@ -210,6 +210,25 @@ pub fn default_voxel_size() -> VoxelSize {
     VoxelSize::from_nanometres(5_000_000).expect("5 mm is in range")
 }
 
+/// When the frames of a capture are shown.
+#[derive(Clone, Debug)]
+pub struct CaptureTimes {
+    rate: FrameRate,
+    /// Of each frame, counted from the first; `None` where frames follow each other at the rate.
+    stated_ns: Option<Vec<u64>>,
+}
+
+impl CaptureTimes {
+    /// When a frame is shown, counted from the capture's first (ns); the end of time behind the last of those whose times are stated.
+    #[must_use]
+    pub fn of_ns(&self, frame: usize) -> u64 {
+        match &self.stated_ns {
+            Some(stated) => stated.get(frame).copied().unwrap_or(u64::MAX),
+            None => self.rate.timestamp_ns(frame as u64),
+        }
+    }
+}
+
 /// An input of frames.
 pub struct Capture {
     input: Input,
@@ -219,6 +238,7 @@ pub struct Capture {
     kind: Kind,
     origin_m: [f64; 3],
     up: Up,
+    colours: Colours,
     memory: MemoryLimit,
 }
 
@@ -236,6 +256,7 @@ impl Capture {
             kind,
             origin_m: hints.origin_m,
             up: hints.up,
+            colours: hints.colours,
             memory: hints.memory,
         })
     }
@@ -307,7 +328,18 @@ impl Capture {
     /// What a user should know before the first frame.
     #[must_use]
     pub fn remarks(&self) -> Vec<Remark> {
-        self.kind.remarks()
+        let passed_over = self.kind.passed_over(&self.input, self.colours);
+        let lost = (!passed_over.is_empty()).then_some(Remark::NotKept(passed_over));
+        self.kind.remarks().into_iter().chain(lost).collect()
+    }
+
+    /// When frames are shown in a stream of a frame rate.
+    #[must_use]
+    pub fn times(&self, rate: FrameRate, source: TimestampSource) -> CaptureTimes {
+        // As packets are stamped: frames of another rate than the capture's follow each other.
+        let is_kept = source == TimestampSource::Source && self.frame_rate() == Some(rate);
+        let stated_ns = if is_kept { self.kind.times_ns(&self.input, rate) } else { None };
+        CaptureTimes { rate, stated_ns }
     }
 
     /// Whether the frames are dense fields.

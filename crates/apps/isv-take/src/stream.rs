@@ -91,7 +91,7 @@ pub fn source(input: &Input) -> Result<ByteSource, StreamError> {
 }
 
 /// Bytes of a stream that come once, as such or in an MP4 file. None is read before the first is asked for.
-fn piped(source: impl Read + Send + 'static) -> ByteSource {
+pub(crate) fn piped(source: impl Read + Send + 'static) -> ByteSource {
     #[cfg(feature = "io")]
     return Box::new(isv_mp4::Unwrapped::new(source));
     #[cfg(not(feature = "io"))]

@@ -125,11 +125,12 @@ pub fn join(inputs: &[impl AsRef<Path>], output: impl AsRef<Path>) -> Result<usi
     }
     let inputs: Vec<_> = inputs.iter().map(Input::from).collect();
     let output = output.as_ref();
-    let tracks =
-        stream::tracks_kept_in(output, || Ok(stream::tracks_beside_all(&inputs)?.unwrap_or_default()))?;
+    let times = JoinedTimes::Follow;
+    let beside = || Ok(stream::tracks_beside_all(&inputs, times)?.unwrap_or_default());
+    let tracks = stream::tracks_kept_in(output, beside)?;
     let create = || StreamOutput::create(output, tracks);
     let memory = MemoryLimit::default();
-    let (file, count) = stream::join(&inputs, JoinedTimes::Follow, memory, &|_: &Event| {}, create)?;
+    let (file, count) = stream::join(&inputs, times, memory, &|_: &Event| {}, create)?;
     finished(file).map(|()| count)
 }
 

@@ -36,7 +36,9 @@ impl FragmentSource {
             let ends = |next: &SourceSample| {
                 let begin = samples.first().map_or(next.time, |first| first.time);
                 let is_long = track.to_ns(next.time.saturating_sub(begin)) >= SHORTEST_NS;
-                next.sync && (is_long || bytes > MOST_BYTES)
+                // Within a fragment samples follow each other: only its begin is a time.
+                let is_behind_gap = samples.last().is_some_and(|last| next.time > last.end() + 1);
+                is_behind_gap || next.sync && (is_long || bytes > MOST_BYTES)
             };
             let Some(next) = self.peeked.take_if(|next| !ends(next)) else { return Ok(samples) };
             bytes += next.data.len();

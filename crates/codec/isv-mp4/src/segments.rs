@@ -22,32 +22,30 @@ pub struct Segments<S> {
 }
 
 impl<S: Read + Seek> Segments<S> {
-    /// Finds the segments. With `length`, a segment begins at each multiple of so many samples, where a fragment has to begin too;
-    /// without, with each fragment.
+    /// Finds the segments. With `length`, each begins with a keyframe and has as many whole groups of pictures as fit into so many samples;
+    /// without, a segment is a fragment.
     ///
     /// # Errors
-    /// A file of several tracks, one that is not fragmented or not whole, and fragments that do not begin where segments do.
+    /// A file of several tracks, one that is not fragmented or not whole, and one whose keyframes are farther apart than `length`.
     pub fn new(file: Mp4File<S>, length: Option<NonZero<usize>>) -> Result<Self, Mp4Error> {
         let refused = |what: &str| Mp4Error::Unsupported(what.to_owned());
         let fragments = file.fragments();
         let listed: usize = fragments.iter().map(|place| place.samples.len()).sum();
-        match file.tracks() {
-            [track] if file.is_whole() && listed == track.samples.len() => {}
+        let samples = match file.tracks() {
+            [track] if file.is_whole() && listed == track.samples.len() => &track.samples,
             _ => return Err(refused("segments are made of a whole, fragmented file of one track")),
-        }
-        let mut places: Vec<FragmentPlace> = Vec::new();
-        for fragment in fragments {
-            let begins = length.is_none_or(|length| fragment.samples.start % length == 0);
-            match places.last_mut().filter(|_| !begins) {
-                Some(segment) => {
-                    segment.bytes.end = fragment.bytes.end;
-                    segment.samples.end = fragment.samples.end;
-                }
-                None => places.push(fragment.clone()),
+        };
+        let is_keyframe =
+            |fragment: &FragmentPlace| samples.get(fragment.samples.start).is_some_and(|s| s.sync);
+        let places = match length.map(NonZero::get) {
+            None => fragments.to_vec(),
+            Some(most) => {
+                let groups = merged(fragments, |_, fragment| !is_keyframe(fragment));
+                merged(&groups, |segment, group| segment.samples.len() + group.samples.len() <= most)
             }
-        }
+        };
         if length.is_some_and(|length| places.iter().any(|place| place.samples.len() > length.get())) {
-            return Err(refused("a fragment does not begin where a segment should"));
+            return Err(refused("a keyframe is missing where a segment should begin"));
         }
         Ok(Self { file, places })
     }
@@ -101,4 +99,19 @@ impl<S: Read + Seek> Segments<S> {
         }
         Ok(bytes)
     }
+}
+
+/// Places of which each takes those behind it that go with it.
+fn merged(
+    places: &[FragmentPlace],
+    goes_with: impl Fn(&FragmentPlace, &FragmentPlace) -> bool,
+) -> Vec<FragmentPlace> {
+    let mut merged: Vec<FragmentPlace> = Vec::new();
+    for place in places {
+        match merged.last_mut().filter(|last| goes_with(last, place)) {
+            Some(last) => (last.bytes.end, last.samples.end) = (place.bytes.end, place.samples.end),
+            None => merged.push(place.clone()),
+        }
+    }
+    merged
 }

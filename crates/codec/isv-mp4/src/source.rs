@@ -18,6 +18,13 @@ pub struct SourceSample {
     pub data: Vec<u8>,
 }
 
+impl SourceSample {
+    /// Decode time at which it ends, in the track's timescale.
+    pub(crate) fn end(&self) -> u64 {
+        self.time.saturating_add(u64::from(self.duration))
+    }
+}
+
 /// A track whose samples come one after the other.
 pub trait SampleSource: Send {
     /// What the track states once.

@@ -206,7 +206,9 @@ fn segments_hold_the_file() {
     let open = || Mp4File::open(Cursor::new(&file)).unwrap();
     let longer = isv_mp4::Segments::new(open(), NonZero::new(60)).unwrap();
     assert_eq!(longer.list().iter().map(|segment| segment.samples).collect::<Vec<_>>(), [60, 30]);
-    assert!(isv_mp4::Segments::new(open(), NonZero::new(45)).is_err(), "no fragment begins there");
+    let shorter = isv_mp4::Segments::new(open(), NonZero::new(45)).unwrap();
+    assert_eq!(shorter.list().iter().map(|segment| segment.samples).collect::<Vec<_>>(), [30; 3]);
+    assert!(isv_mp4::Segments::new(open(), NonZero::new(20)).is_err(), "no keyframe is there");
     let mut segments = isv_mp4::Segments::new(open(), None).unwrap();
     let list = segments.list();
     assert_eq!(list.iter().map(|segment| segment.samples).collect::<Vec<_>>(), [30; 3]);

@@ -19,7 +19,7 @@ use crate::progress::Progress;
 use crate::stats::{EncodedFrameStats, StatsFile, megabits_per_second};
 use crate::stream::{self, StreamOutput};
 use crate::threads::use_threads;
-use crate::tracks::TrackArgs;
+use crate::tracks::{FromFirstFrame, TrackArgs};
 use crate::{memory, words};
 use anyhow::{Result, bail};
 use colour::ColourArgs;
@@ -29,7 +29,7 @@ use ingest::IngestArgs;
 use isv::raw::encode::Band;
 use isv::raw::format::FrameRate;
 use isv::raw::io::Unit;
-use isv::raw::take::capture::{Capture, ContentKind};
+use isv::raw::take::capture::{Capture, CaptureTimes, ContentKind};
 use isv::raw::take::encode::{
     EncodeOptions, FrameReport, Job, ProfileChoice, Report, Unfinished, UnfinishedStream, Watch,
 };
@@ -38,7 +38,7 @@ use isv::raw::take::{Cancellation, FrameRange, Input, Length};
 use std::iter;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Encode a capture into an .isv stream
 #[derive(Debug, clap::Args)]
@@ -203,11 +203,21 @@ impl CaptureArgs {
         })
     }
 
+    /// When the frames of a capture are shown; `None` where no sound and no picture is asked for.
+    pub(super) fn times(&self, capture: &Capture, rate: FrameRate) -> Option<CaptureTimes> {
+        (!self.tracks.is_empty()).then(|| capture.times(rate, self.timestamps.into()))
+    }
+
     /// The tracks beside the stream: those of an MP4 file that is coded anew, and those asked for. They begin with the first frame.
-    pub(super) fn open_tracks(&self, input: &Input, rate: FrameRate, output: &Path) -> Result<Tracks> {
-        let time = |frame: usize| rate.timestamp_ns(frame as u64);
-        let end = |frame: usize| if frame == FrameRange::OPEN { u64::MAX } else { time(frame) };
-        let part = self.frames.map(|frames| time(frames.start)..end(frames.end));
+    pub(super) fn open_tracks(
+        &self,
+        input: &Input,
+        times: Option<&CaptureTimes>,
+        output: &Path,
+    ) -> Result<Tracks> {
+        let part = times.zip(self.frames).map(|(times, FrameRange { start, end })| {
+            times.of_ns(start)..if end == FrameRange::OPEN { u64::MAX } else { times.of_ns(end) }
+        });
         let kept = tracks_beside(input, self.frames)?;
         let mut tracks = stream::kept_tracks(kept, &input.name(), output);
         tracks.extend(self.tracks.open(part)?);
@@ -263,8 +273,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let observer = words::observer_above(&progress);
     let capture = Capture::open(&input, &options.hints(&observer)?)?;
     // Wrong flags are told before anything is read.
-    options.header(capture.grid(), capture.frame_rate())?;
-    capture.range(flags.frames)?;
+    let header = options.header(capture.grid(), capture.frame_rate())?;
+    let times = flags.times(&capture, header.frame_rate);
+    let first = capture.range(flags.frames)?.start;
     use_threads(flags.threads)?;
     interrupt::listen()?;
     let without_effect = flags.without_effect(&capture);
@@ -279,7 +290,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         progress.expect(frames);
     }
     let voxel_m = job.header().grid.voxel_size.metres();
-    let tracks = flags.open_tracks(&input, job.header().frame_rate, &args.output)?;
+    let begin = Arc::new(OnceLock::new());
+    let tracks = flags.open_tracks(&input, times.as_ref(), &args.output)?.into_iter();
+    let tracks: Tracks = tracks.map(|track| Box::new(FromFirstFrame::new(track, &begin)) as _).collect();
     let has_tracks = !tracks.is_empty();
     let output = StreamOutput::create(&args.output, tracks)?;
     let mut stats = StatsFile::create(args.stats.as_deref(), [&flags.input, &args.output])?;
@@ -293,6 +306,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         progress.note(&sentence);
     }
     let done = job.run(output, |report| {
+        if let (Some(report), Some(times)) = (&report, &times) {
+            // Frames before it may have been left out.
+            begin.get_or_init(|| times.of_ns(report.number).saturating_sub(times.of_ns(first)));
+        }
         if let Some(report) = report.filter(|_| stats.is_wanted()) {
             stats.push(frame_stats(&report));
         }

@@ -28,7 +28,8 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<()> {
     check_stream_output(&args.inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &args.output)?;
     let inputs: Vec<Input> = args.inputs.iter().map(|input| Input::from_argument(input)).collect();
-    let tracks = tracks_beside_all(&inputs)?.unwrap_or_else(|| {
+    let times = if args.keep_times { JoinedTimes::Keep } else { JoinedTimes::Follow };
+    let tracks = tracks_beside_all(&inputs, times)?.unwrap_or_else(|| {
         say(format_args!(
             "{}: sound and picture are not kept, as the files differ in them",
             args.output.display()
@@ -36,7 +37,6 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         Tracks::new()
     });
     let tracks = stream::kept_tracks(tracks, &inputs[0].name(), &args.output);
-    let times = if args.keep_times { JoinedTimes::Keep } else { JoinedTimes::Follow };
     let create = || StreamOutput::create(&args.output, tracks);
     let joined = join(&inputs, times, memory::limit(), &*words::observer(), create);
     let (output, frames) = joined.map_err(stream::edit_error)?;

@@ -12,14 +12,14 @@ use crate::{memory, stream, words};
 use anyhow::{Context, Result, bail};
 use isv::raw::decode::Lod;
 use isv::raw::encode::Band;
-use isv::raw::format::{FrameRate, StreamHeader};
+use isv::raw::format::StreamHeader;
 use isv::raw::io::{Geometry, check_folder_name};
 use isv::raw::mp4::{
     Mp4File, Rung, Segment, Segments, TrackKind, Trimmed, codec_string, is_stream_name, master_playlist,
     media_playlist, segment_name, write_tracks,
 };
 use isv::raw::take::capture::{Capture, Content, ContentKind};
-use isv::raw::take::encode::{EncodeOptions, Job, VoxelChoice};
+use isv::raw::take::encode::{EncodeOptions, Job, ProfileChoice, VoxelChoice};
 use isv::raw::take::stream::{Container, StreamOutput, StreamSummary, Tracks, mux};
 use isv::raw::take::{BitRate, FrameRange, Input, Length, MemorySize};
 use isv_serve::{ExportFolder, Page, PageOptions};
@@ -76,14 +76,20 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let mut folder = ExportFolder::create(&args.output)?;
     let input = Input::from_argument(&args.capture.input);
     let mut options = EncodeOptions { fixed_gop: true, ..args.capture.options() };
+    let may_copy = !is_asked_for(&options);
     // Groups of pictures that stand alone meet a rate in two passes.
     if options.main.bitrate.is_some() && options.main.passes.is_none() {
         options.main.passes = Some(2);
     }
-    // What the last step needs is looked at before hours of encoding.
-    drop(args.capture.open_tracks(&input, FrameRate::DEFAULT, "sound.mp4".as_ref())?);
+    // What later steps need is looked at before hours of encoding.
+    if rungs > 1 {
+        check_rates(&input, &options)?;
+        // The whole band alone would ask for another profile than a rate.
+        options.profile = Some(ProfileChoice::Main);
+    }
+    drop(args.capture.open_tracks(&input, None, "sound.mp4".as_ref())?);
     let best = match regular_gop(&input)? {
-        Some(gop) if args.capture.frames.is_none() && !is_asked_for(&options) => {
+        Some(gop) if may_copy => {
             options.gop = gop;
             copied(&input, gop)?
         }
@@ -99,7 +105,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         coded.push(encoded(args, &input, &options, rung + 1)?);
     }
     check_aligned(&coded)?;
-    let tracks = args.capture.open_tracks(&input, coded[0].header.frame_rate, "sound.mp4".as_ref())?;
+    let capture = Capture::open(&input, &options.hints(&words::observer())?)?;
+    let times = args.capture.times(&capture, coded[0].header.frame_rate);
+    let tracks = args.capture.open_tracks(&input, times.as_ref(), "sound.mp4".as_ref())?;
     let sound = sound(tracks, coded[0].seconds)?;
     let master = write_ladder(&mut folder, &mut coded, sound)?;
     folder.write(MASTER, master.as_bytes())?;
@@ -122,14 +130,27 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Whether a quality, a rate or voxels are asked for, which a stream that is copied would not have.
+/// Refuses lower rates where there can be none.
+fn check_rates(input: &Input, options: &EncodeOptions) -> Result<()> {
+    if options.profile == Some(ProfileChoice::Paper) {
+        bail!("profile paper has no rate control: --rungs 1 writes its one rate");
+    }
+    if input.path().is_none() {
+        bail!("{}: the input is read once for each rate, which a pipe cannot be: --rungs 1", input.name());
+    }
+    Ok(())
+}
+
+/// Whether anything is asked for that a stream which is copied would not have.
 fn is_asked_for(options: &EncodeOptions) -> bool {
-    let main = &options.main;
-    main.quality.is_some()
-        || main.bitrate.is_some()
-        || main.max_error.is_some()
-        || options.colour.quality.is_some()
-        || matches!(options.voxel, VoxelChoice::Edge(_))
+    let usual = EncodeOptions {
+        fixed_gop: options.fixed_gop,
+        takes_turns: options.takes_turns,
+        skip_bad_frames: options.skip_bad_frames,
+        memory: options.memory,
+        ..EncodeOptions::default()
+    };
+    *options != usual
 }
 
 /// The distance from one keyframe of a stream to the next, if it is the same everywhere; `None` of what is no stream.

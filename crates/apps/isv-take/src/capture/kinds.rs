@@ -10,7 +10,7 @@ use crate::{FrameRange, Input, Length, MemoryLimit, StreamFault};
 use isv_format::{FrameRate, Profile, StreamHeader};
 use isv_ingest::coded_field;
 use isv_io::{
-    Animation, DepthSequence, FrameSequence, FrameTimes, Saturation, SequenceError, VolumeError,
+    Animation, Colours, DepthSequence, FrameSequence, FrameTimes, Saturation, SequenceError, VolumeError,
     VolumeSequence, is_depth_folder, passed_over,
 };
 use isv_mp4::is_stream_name;
@@ -162,14 +162,7 @@ impl Kind {
     /// What a user should know of it.
     pub(super) fn remarks(&self) -> Vec<Remark> {
         match self {
-            Self::Files(sequence, hints) => {
-                let first = sequence.paths().first();
-                let passed_over = first.map(|path| passed_over(path, hints.colours)).unwrap_or_default();
-                let notes = sequence.notes().iter().cloned().map(Remark::Note);
-                let lost = (!passed_over.is_empty())
-                    .then(|| Remark::NotKept(passed_over.iter().map(ToString::to_string).collect()));
-                notes.chain(lost).collect()
-            }
+            Self::Files(sequence, _) => sequence.notes().iter().cloned().map(Remark::Note).collect(),
             Self::Depth(depth) => depth_remarks(depth),
             Self::Volumes { size_is_known, grid, notes, .. } => {
                 let taken = Remark::VoxelTaken(Length::from_metres(grid.voxel_size.metres()));
@@ -184,6 +177,26 @@ impl Kind {
                     taken,
                     others: others.map(|(number, name)| label(number, name)).collect(),
                 }]
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    /// What it holds and a stream does not keep. `input`: what it was found in; `colours`: how it is read.
+    pub(super) fn passed_over(&self, input: &Input, colours: Colours) -> Vec<String> {
+        let drops = colours == Colours::Drop;
+        match (self, input) {
+            (Self::Files(sequence, _), _) => {
+                sequence.paths().first().map(|path| passed_over(path, colours)).unwrap_or_default()
+            }
+            (Self::Animation { .. }, Input::Path(path)) => passed_over(path, colours),
+            (Self::Depth(_), Input::Path(path)) if drops => {
+                let kept = DepthSequence::open_with(path, Colours::Keep);
+                let has_colour = kept.is_ok_and(|depth| depth.colour_cameras() > 0);
+                has_colour.then(|| "colour images".to_owned()).into_iter().collect()
+            }
+            (Self::Stream(..) | Self::PipedStream(_), _) if drops && self.has_colour() == Some(true) => {
+                vec!["colour".to_owned()]
             }
             _ => Vec::new(),
         }
@@ -207,6 +220,33 @@ impl Kind {
                 None
             }
         }
+    }
+
+    /// When each frame is shown, counted from the first (ns), as the capture says; `None` if it says nothing, and frames follow each other.
+    /// `input`: what it was found in; `rate`: of frames that are numbered.
+    pub(super) fn times_ns(&self, input: &Input, rate: FrameRate) -> Option<Vec<u64>> {
+        let stated: Vec<Option<u64>> = match self {
+            Self::Files(sequence, _) => match sequence.times() {
+                FrameTimes::Even => sequence.paths().iter().map(|path| scanned_ns(path)).collect(),
+                FrameTimes::Numbered(places) => {
+                    places.iter().map(|place| Some(rate.timestamp_ns(*place))).collect()
+                }
+                FrameTimes::Nanoseconds(times) => times.iter().copied().map(Some).collect(),
+            },
+            Self::Depth(depth) => (0..depth.frames()).map(|frame| depth.timestamp_ns(frame)).collect(),
+            Self::Stream(..) => StreamSummary::read(input)
+                .ok()?
+                .packets
+                .iter()
+                .map(|packet| Some(packet.timestamp_ns))
+                .collect(),
+            Self::Animation { .. } | Self::Volumes { .. } | Self::PipedStream(_) | Self::PipedGeometry(_) => {
+                return None;
+            }
+        };
+        let stated: Vec<u64> = stated.into_iter().collect::<Option<_>>()?;
+        let first = *stated.first()?;
+        Some(stated.into_iter().map(|time| time.saturating_sub(first)).collect())
     }
 
     pub(super) fn frames_stand_alone(&self) -> bool {

@@ -3,25 +3,32 @@
 use super::kinds::Kind;
 use super::{CapturedFrame, Content, Hints, stream_settings};
 use crate::encode::{CaptureError, EncodeEvent, FrameError};
-use crate::stream::StreamFrames;
+use crate::stream::{ByteSource, StreamFrames, piped};
 use crate::{Event, FrameRange, Input, Observer};
 use isv_format::MAGIC;
 use isv_io::{FrameStream, natural_cmp};
-use std::io::{BufRead, Stdin, stdin};
+use isv_mp4::is_mp4;
+use std::io::{self, Read, stdin};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Finds out what comes by its first bytes: an `.isv` stream, or files of geometry.
+/// Bytes that tell a stream from files of geometry.
+const BEGIN_BYTES: u64 = 8;
+
+/// Finds out what comes by its first bytes: a stream, as such or in an MP4 file, or files of geometry.
 pub(super) fn open(hints: &Hints) -> Result<Kind, CaptureError> {
     let name = || Input::StandardInput.name();
-    let start = |mut pipe: std::io::StdinLock<'_>| Ok(pipe.fill_buf()?.starts_with(&MAGIC));
-    let is_stream = start(stdin().lock()).map_err(|cause| CaptureError::Io { name: name(), cause })?;
+    let mut begin = Vec::new();
+    let read = stdin().lock().take(BEGIN_BYTES).read_to_end(&mut begin);
+    read.map_err(|cause| CaptureError::Io { name: name(), cause })?;
+    let is_stream = begin.starts_with(&MAGIC) || is_mp4(&begin);
+    let all = io::Cursor::new(begin).chain(stdin());
     Ok(if is_stream {
         let settings = stream_settings(hints, None);
-        Kind::PipedStream(Box::new(StreamFrames::open(&Input::StandardInput, &settings)?))
+        Kind::PipedStream(Box::new(StreamFrames::from_source(&name(), piped(all), &settings)?))
     } else {
-        let frames = FrameStream::new(stdin(), hints.unit);
+        let frames = FrameStream::new(Box::new(all) as ByteSource, hints.unit);
         let frames = frames.map_err(|cause| CaptureError::Pipe { name: name(), cause: cause.into() })?;
         let frames = frames.with_invalid_points(hints.invalid_points).with_colours(hints.colours);
         let observer = Arc::clone(&hints.observer);
@@ -32,7 +39,7 @@ pub(super) fn open(hints: &Hints) -> Result<Kind, CaptureError> {
 
 /// Meshes or points as they come.
 pub(super) struct PipedGeometry {
-    frames: FrameStream<Stdin>,
+    frames: FrameStream<ByteSource>,
     /// The frame before, until one was met that should have come earlier.
     last: Option<PathBuf>,
     /// Number of the next frame.

@@ -12,7 +12,7 @@ use serde_json::{Map, Value, json};
 use std::sync::{Arc, OnceLock};
 
 /// What a user may say of a take.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MetadataOptions {
     /// Whether streams get metadata.
     pub choice: MetadataChoice,

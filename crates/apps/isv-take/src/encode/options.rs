@@ -80,7 +80,7 @@ pub enum FusionMode {
 }
 
 /// Options of profile `paper`. `None` is the profile's default.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PaperOptions {
     /// Prediction of frames between keyframes; 3dof where it is not given.
     pub motion: Option<MotionMode>,
@@ -93,7 +93,7 @@ pub struct PaperOptions {
 }
 
 /// Options of profile `main`. `None` is the profile's default.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MainOptions {
     /// Quality, 0 to 100; 50 where no target is given.
     pub quality: Option<f32>,
@@ -114,7 +114,7 @@ pub struct MainOptions {
 }
 
 /// Options of colour.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ColourOptions {
     /// Whether colour is left out.
     pub is_dropped: bool,
@@ -143,7 +143,7 @@ impl ColourOptions {
 }
 
 /// How captures become volumes.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FieldOptions {
     /// How to tell inside from outside.
     pub sign: SignMode,
@@ -202,7 +202,7 @@ impl FieldOptions {
 }
 
 /// Everything that a user may choose of encoding. `None` leaves the choice to the capture, then to the default.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct EncodeOptions {
     /// Frames to encode; `None` for all.
     pub frames: Option<FrameRange>,

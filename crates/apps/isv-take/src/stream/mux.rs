@@ -1,7 +1,10 @@
 //! Streams into MP4 files and out of them, and the tracks beside them.
 
 use super::output::Tracks;
-use super::{EditError, StreamBytes, StreamError, StreamFault, StreamOutput, open_file, source};
+use super::{
+    EditError, JoinedTimes, StreamBytes, StreamError, StreamFault, StreamOutput, StreamSummary, open_file,
+    source,
+};
 use crate::{Event, FrameRange, Input, MemoryLimit, Observer};
 use isv_format::{PacketReader, StreamHeader};
 use isv_mp4::{Chained, Mp4Error, Mp4File, OtherEnd, SampleSource, Track, TrackKind, TrackSource, Trimmed};
@@ -122,15 +125,21 @@ pub fn tracks_beside(input: &Input, frames: Option<FrameRange>) -> Result<Tracks
     Ok(tracks)
 }
 
-/// The tracks beside streams that are joined, one behind the other; `None` if the files do not have tracks of the same codecs.
+/// The tracks beside streams that are joined, each where its stream is in time; `None` if the files do not have tracks of the same
+/// codecs.
 ///
 /// # Errors
 /// [`StreamError`], which names a file.
-pub fn tracks_beside_all(inputs: &[Input]) -> Result<Option<Tracks>, StreamError> {
+pub fn tracks_beside_all(inputs: &[Input], times: JoinedTimes) -> Result<Option<Tracks>, StreamError> {
     let mut chains: Option<Vec<Chain>> = None;
-    let mut begin_ns = 0u64;
+    let (mut begin_ns, mut first_ns) = (0u64, None);
     for input in inputs {
         let tracks = tracks_beside(input, None)?;
+        if times == JoinedTimes::Keep && !tracks.is_empty() {
+            let stated_ns = first_timestamp_ns(input)?;
+            let since_first = stated_ns.saturating_sub(*first_ns.get_or_insert(stated_ns));
+            begin_ns = begin_ns.max(since_first);
+        }
         let chains = chains.get_or_insert_with(|| tracks.iter().map(|_| Vec::new()).collect());
         if chains.len() != tracks.len() {
             return Ok(None);
@@ -148,6 +157,11 @@ pub fn tracks_beside_all(inputs: &[Input]) -> Result<Option<Tracks>, StreamError
 
 /// Tracks that follow each other, with the times (ns) at which they begin.
 type Chain = Vec<(u64, Box<dyn SampleSource>)>;
+
+/// Time stamp of the first packet of a stream; 0 if there is none.
+fn first_timestamp_ns(input: &Input) -> Result<u64, StreamError> {
+    Ok(StreamSummary::read(input)?.packets.first().map_or(0, |first| first.timestamp_ns))
+}
 
 /// Time (ns) that the geometry of an MP4 file takes to show; 0 for a stream in a file of its own.
 fn geometry_ns(input: &Input) -> Result<u64, StreamError> {
