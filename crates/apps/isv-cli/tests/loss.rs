@@ -480,3 +480,17 @@ fn frames_before_damage_can_be_asked_for_without_an_index() {
     work.isv(&["decode", "damaged.isv", "-o", "meshes", "--frames", "0..6"])
         .fails(1, &["frames 0..6 asked for, but there are 5"]);
 }
+
+#[test]
+fn a_part_of_a_take_has_lost_nothing_before_its_first_frame() {
+    let work = Workspace::with_figure(9);
+    let encode = ["encode", "frames", "-o", "part.isv", "--voxel", "30mm"];
+    work.isv(&[&encode[..], &["--frames", "6..9", "--time-origin", "0"]].concat()).done();
+    let held = work.isv(&["decode", "part.isv", "-o", "held", "--after-loss", "hold"]).done();
+    assert!(!held.stderr().contains("lost"), "{}", held.stderr());
+    work.isv(&["decode", "part.isv", "-o", "plain"]).done();
+    for frame in 0..3 {
+        let name = format!("frame_{frame:04}.ply");
+        assert!(work.read(&format!("held/{name}")) == work.read(&format!("plain/{name}")));
+    }
+}

@@ -22,10 +22,11 @@ impl FrameRate {
         f64::from(self.numerator) / f64::from(self.denominator)
     }
 
-    /// Start of a frame in nanoseconds, rounded down.
+    /// Start of a frame in nanoseconds, rounded down; at most what 64 bits hold, which is 584 years.
     #[must_use]
     pub fn timestamp_ns(self, frame: u64) -> u64 {
-        (u128::from(frame) * u128::from(self.denominator) * 1_000_000_000 / u128::from(self.numerator)) as u64
+        let seconds = u128::from(frame) * u128::from(self.denominator);
+        u64::try_from(seconds * 1_000_000_000 / u128::from(self.numerator)).unwrap_or(u64::MAX)
     }
 
     /// The rate closest to a number of frames a second, in thousandths; `None` if that is none.

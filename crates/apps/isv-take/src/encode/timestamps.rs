@@ -45,11 +45,11 @@ impl Timestamps {
                 let since_1970 = read.duration_since(UNIX_EPOCH).unwrap_or_default();
                 // Nanoseconds fit until the year 2554.
                 let now = u64::try_from(since_1970.as_nanos()).unwrap_or(u64::MAX - 1);
-                (now, self.last.map(|last| last + 1))
+                (now, self.last.map(|last| last.saturating_add(1)))
             }
             (TimestampSource::Rate, _) => (self.rate.timestamp_ns(frame), None),
             (TimestampSource::Source, Some(stated)) => {
-                let after_last = self.last.map_or(0, |last| last + self.rate.timestamp_ns(1));
+                let after_last = self.after_last();
                 let (start, at) = *self.base.get_or_insert((stated, after_last));
                 let time = stated.checked_sub(start).map_or(0, |since| at.saturating_add(since));
                 // A time that does not ascend is none.
@@ -57,13 +57,18 @@ impl Timestamps {
                 (if follows { time } else { after_last }, None)
             }
             (TimestampSource::Source, None) => match self.base {
-                Some(_) => (self.last.map_or(0, |last| last + self.rate.timestamp_ns(1)), None),
+                Some(_) => (self.after_last(), None),
                 None => (self.rate.timestamp_ns(frame), None),
             },
         };
         let timestamp = wanted.max(least.unwrap_or_default());
         self.last = Some(timestamp);
         timestamp
+    }
+
+    /// The time of a frame that follows the last one at the rate; 0 of the first.
+    fn after_last(&self) -> u64 {
+        self.last.map_or(0, |last| last.saturating_add(self.rate.timestamp_ns(1)))
     }
 }
 

@@ -31,6 +31,8 @@ pub struct ConcealingFrames {
     /// Number of the next frame to give.
     next: usize,
     at_hand: Option<AtHand>,
+    /// Whether bytes were met that are no packet.
+    is_damaged: bool,
 }
 
 /// The next frame of which there is a packet, or the last one that should be there.
@@ -82,6 +84,7 @@ impl ConcealingFrames {
             shown_ns: 0,
             next: 0,
             at_hand: None,
+            is_damaged: false,
         })
     }
 
@@ -158,6 +161,7 @@ impl ConcealingFrames {
             match self.packets.next_frame()? {
                 Some(Salvaged::Damage { at, bytes }) => {
                     self.observer.event(&Event::Damage { name: self.name.clone(), at, bytes });
+                    self.is_damaged = true;
                     damaged += bytes;
                 }
                 Some(Salvaged::OtherStream { at }) => {
@@ -213,8 +217,9 @@ impl ConcealingFrames {
         let (rate, now_ns) = (self.header.frame_rate, packet.header.timestamp_ns);
         let link = self.chain.link(packet);
         let Some(last) = self.chain.last() else {
-            // Streams begin at time 0.
-            return Some(if is_on_time(rate, now_ns) { self.frames_between(0, now_ns) } else { 0 });
+            // Streams begin at time 0 and with a keyframe. One of a part of a take, or one that was repaired, begins with one later.
+            let has_lost = (self.is_damaged || link != Link::Keyframe) && is_on_time(rate, now_ns);
+            return Some(if has_lost { self.frames_between(0, now_ns) } else { 0 });
         };
         let last_ns = last.timestamp_ns;
         let on_time = is_on_time(rate, last_ns) && is_on_time(rate, now_ns);
