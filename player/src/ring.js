@@ -81,13 +81,14 @@ export class Ring {
   }
 
   /**
-   * Frees frames until the rest fits. The one that is least far is never freed.
+   * Frees frames until the rest fits. The two that are least far are never freed, whatever they take: the playhead goes from
+   * one to the other, and would wait for ever where only one of them was held.
    * @param {(number: number) => number} distance how far a frame is from being shown
    */
   trim(distance) {
     if (this.bytes <= this.limit) return;
     const byDistance = [...this.#frames.keys()].sort((a, b) => distance(b) - distance(a));
-    byDistance.pop();
+    byDistance.splice(-2);
     for (const number of byDistance) {
       if (this.bytes <= this.limit) return;
       this.drop(number);

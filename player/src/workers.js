@@ -63,6 +63,8 @@ export class DecodeAhead {
   #hopeless = null;
   #retrying = /** @type {ReturnType<typeof setTimeout> | null} */ (null);
   #broken = false;
+  /** Frames for which there was no room beside nearer ones. Decoding them again would end the same way while these are wanted. @type {Set<number>} */
+  #noRoom = new Set();
   #allowance;
 
   /**
@@ -121,6 +123,7 @@ export class DecodeAhead {
   aim(frame, { loop = this.loop, behind = 0 } = {}) {
     if (frame === this.target && loop === this.loop && behind === this.behind) return;
     if (frame !== this.target) this.#leave(this.target);
+    this.#noRoom.clear();
     this.target = frame;
     this.loop = loop;
     this.behind = behind;
@@ -150,6 +153,7 @@ export class DecodeAhead {
   release() {
     if (!this.#hurried) return;
     this.#hurried = false;
+    this.#noRoom.clear();
     this.#deal();
   }
 
@@ -210,6 +214,7 @@ export class DecodeAhead {
     this.details = wanted;
     if (!wanted) return; // Frames that have them do no harm.
     this.#ring.clear();
+    this.#noRoom.clear();
     for (const lane of this.#lanes) lane.cancel();
     this.#deal();
   }
@@ -244,9 +249,9 @@ export class DecodeAhead {
     return spans;
   }
 
-  /** First frame of a span that is neither there nor lost, -1 if there is none. @param {number} from @param {number} to */
+  /** First frame of a span that is neither there nor lost and has room, -1 if there is none. @param {number} from @param {number} to */
   #missing(from, to) {
-    for (let frame = from; frame < to; frame++) if (!this.settled(frame)) return frame;
+    for (let frame = from; frame < to; frame++) if (!this.settled(frame) && !this.#noRoom.has(frame)) return frame;
     return -1;
   }
 
@@ -359,6 +364,7 @@ export class DecodeAhead {
     this.#source.measured?.(mesh);
     this.#ring.put(frame, mesh);
     this.#ring.trim((held) => this.#distance(held));
+    if (!this.#ring.has(frame)) this.#noRoom.add(frame);
     this.#tell((on) => on.frame?.(frame));
     this.#deal();
   }

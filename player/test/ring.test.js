@@ -10,12 +10,19 @@ test('the farthest go first, and only as many as need be', () => {
   assert.equal(ring.bytes, 30);
 });
 
-test('the nearest stays, however large it is', () => {
+test('the two nearest stay, however large they are', () => {
   const ring = new Ring(30);
-  ring.put(7, { bytes: 100 });
-  ring.put(8, { bytes: 100 });
+  for (const frame of [9, 7, 8]) ring.put(frame, { bytes: 100 });
   ring.trim((frame) => frame);
-  assert.deepEqual([...ring.numbers()], [7]);
+  assert.deepEqual([...ring.numbers()], [7, 8]);
+});
+
+test('a keyframe of a scene stays beside the frame before it, though they share nothing', () => {
+  const ring = new Ring(30);
+  const scenes = [{ bytes: 100 }, { bytes: 100 }];
+  for (const frame of [8, 9, 10, 11]) ring.put(frame, { bytes: 5, batches: new Set([scenes[frame < 10 ? 0 : 1], { bytes: 5 }]) });
+  ring.trim((frame) => Math.abs(frame - 9.1));
+  assert.deepEqual([...ring.numbers()], [9, 10]);
 });
 
 test('a frame put again counts once', () => {

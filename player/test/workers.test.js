@@ -1,8 +1,15 @@
 import assert from 'node:assert/strict';
-import { test } from 'node:test';
+import { afterEach, test } from 'node:test';
 import { IsvFailure } from '../src/failure.js';
 import { DecodeAhead } from '../src/workers.js';
 import { FRAME_BYTES, FakePort, fakeSource } from './support/fake-stream.js';
+
+/** What the test that runs has begun: one that fails must not decode for ever. @type {DecodeAhead[]} */
+const running = [];
+
+afterEach(() => {
+  for (const ahead of running.splice(0)) ahead.close();
+});
 
 /**
  * @param {object} [options]
@@ -14,10 +21,11 @@ import { FRAME_BYTES, FakePort, fakeSource } from './support/fake-stream.js';
  * @param {number[]} [options.damaged]
  * @param {Record<number, number>} [options.refused] frames that need too much memory, and how many blocks they have
  * @param {number} [options.memoryBytes] that each worker takes
+ * @param {(frame: number) => number} [options.bytesOf] a decoded frame
  * @param {import('../src/allowance.js').Allowance} [options.allowance]
  * @param {boolean} [options.silent] whether nobody listens
  */
-function begun({ frames = 100, gop = 10, first = 0, workers = 2, hold = 40, damaged = [], refused = {}, memoryBytes = 0, allowance, silent = false } = {}) {
+function begun({ frames = 100, gop = 10, first = 0, workers = 2, hold = 40, damaged = [], refused = {}, memoryBytes = 0, bytesOf, allowance, silent = false } = {}) {
   const source = fakeSource(frames, gop, first);
   /** @type {FakePort[]} */
   const ports = [];
@@ -27,7 +35,7 @@ function begun({ frames = 100, gop = 10, first = 0, workers = 2, hold = 40, dama
     source: /** @type {any} */ (source),
     module: /** @type {any} */ (null),
     spawn: () => {
-      const port = new FakePort({ damaged, refused, memoryBytes });
+      const port = new FakePort({ damaged, refused, memoryBytes, bytesOf });
       ports.push(port);
       return /** @type {any} */ (port);
     },
@@ -41,6 +49,7 @@ function begun({ frames = 100, gop = 10, first = 0, workers = 2, hold = 40, dama
       recovered: () => events.push({ recovered: true }),
     },
   });
+  running.push(ahead);
   ahead.start();
   return { ahead, source, ports, events };
 }
@@ -78,6 +87,62 @@ test('memory is bounded: frames far ahead are not made, those behind are freed',
   await rest();
   assert.equal(ahead.get(400), undefined);
   assert.ok(ahead.settled(495) && ahead.settled(520));
+});
+
+/** @param {FakePort[]} ports */
+const decodedBy = (ports) => ports.reduce((frames, { decoded }) => frames + decoded.length, 0);
+
+test('a take of which two frames do not fit plays, and comes to rest', async () => {
+  const { ahead, ports } = begun({ frames: 20, workers: 1, hold: 1.9 });
+  for (let frame = 0; frame < 19; frame++) {
+    ahead.aim(frame);
+    await rest();
+    assert.ok(ahead.get(frame) && ahead.get(frame + 1), `at ${frame}`);
+    assert.equal(ahead.held, 2);
+  }
+  const before = decodedBy(ports);
+  await rest();
+  assert.equal(decodedBy(ports), before);
+});
+
+test('a playhead that stands still has nothing decoded again and again, however short room is', async () => {
+  for (const hold of [4, 22.8, 26, 40, 90]) {
+    const { ahead, ports } = begun({ frames: 300, gop: 30, hold });
+    await rest();
+    ahead.aim(100);
+    await rest();
+    ahead.aim(99, { behind: 8 });
+    await rest();
+    const before = decodedBy(ports);
+    await rest();
+    assert.equal(decodedBy(ports), before, `${hold} frames fit`);
+    assert.ok(ahead.get(99) && ahead.get(100));
+  }
+});
+
+test('frames that are larger than those before are not decoded again and again', async () => {
+  const bytesOf = (/** @type {number} */ frame) => FRAME_BYTES * (frame < 60 ? 1 : 9);
+  const { ahead, ports } = begun({ frames: 300, hold: 100, workers: 4, bytesOf });
+  for (const frame of [0, 20, 40, 50, 58, 59, 60]) {
+    ahead.aim(frame);
+    await rest();
+    const before = decodedBy(ports);
+    await rest();
+    assert.equal(decodedBy(ports), before, `at ${frame}`);
+    assert.ok(ahead.get(frame) && ahead.get(frame + 1));
+  }
+});
+
+test('a frame for which there was no room is decoded when the playhead comes near', async () => {
+  const { ahead } = begun({ frames: 300, gop: 30, hold: 4 });
+  ahead.aim(99, { behind: 8 });
+  await rest();
+  assert.ok(!ahead.get(92));
+  for (let frame = 98; frame > 90; frame--) {
+    ahead.aim(frame, { behind: 8 });
+    await rest();
+    assert.ok(ahead.get(frame), `${frame}`);
+  }
 });
 
 test('frames that could be better are decoded again once they have been shown', async () => {

@@ -57,9 +57,10 @@ export class FakePort {
   #last = -1;
   #lostRun = -1;
 
-  /** @param {{ damaged?: Iterable<number>, refused?: Record<number, number>, memoryBytes?: number }} [options] */
-  constructor({ damaged = [], refused = {}, memoryBytes = 0 } = {}) {
+  /** @param {{ damaged?: Iterable<number>, refused?: Record<number, number>, memoryBytes?: number, bytesOf?: (frame: number) => number }} [options] */
+  constructor({ damaged = [], refused = {}, memoryBytes = 0, bytesOf = () => FRAME_BYTES } = {}) {
     this.damaged = new Set(damaged);
+    this.bytesOf = bytesOf;
     this.refused = refused;
     this.memoryBytes = memoryBytes;
   }
@@ -94,7 +95,7 @@ export class FakePort {
       return this.#answer({ is: 'lost', run, frame, message: 'too large', refused: true, blocks: this.refused[number] });
     }
     this.#last = number;
-    const mesh = surface ? { number, stream, bytes: FRAME_BYTES, details: details ? {} : null } : null;
+    const mesh = surface ? { number, stream, bytes: this.bytesOf(number), details: details ? {} : null } : null;
     this.#answer({ is: 'done', run, frame, mesh, memoryBytes: this.memoryBytes });
   }
 
