@@ -157,13 +157,19 @@ export class DecodeAhead {
     this.#deal();
   }
 
-  /** Asks a server again for what it did not have: it may have it now. */
+  /** Asks a server again for what it did not have: it may have it now. A ladder that was given up gets another chance. */
   askAgain() {
-    if (!this.#absent.size) return;
+    if (!this.#absent.size && !this.#hopeless) return;
     for (const frame of this.#absent) this.lost.delete(frame);
     this.#absent.clear();
-    this.#passed = 0;
+    this.#hope();
     this.#deal();
+  }
+
+  /** Reads on, though parts before could not be played: as many are passed over again before it is given up. */
+  #hope() {
+    this.#hopeless = null;
+    this.#passed = 0;
   }
 
   /** Begins to decode; later, is called whenever something has changed. */
@@ -215,6 +221,8 @@ export class DecodeAhead {
     if (!wanted) return; // Frames that have them do no harm.
     this.#ring.clear();
     this.#noRoom.clear();
+    // What was there is gone: without another try nothing would ever be shown.
+    this.#hope();
     for (const lane of this.#lanes) lane.cancel();
     this.#deal();
   }

@@ -371,6 +371,50 @@ test('a ladder of which nothing more can be had ends, and not before all is show
   assert.equal(events.filter(({ lost }) => lost).length, 10);
 });
 
+/** A ladder that was given up behind its first 20 frames, which are there. */
+async function givenUp() {
+  const { ahead, source, events } = begun({ frames: 300, workers: 1, hold: 1000 });
+  source.rungs = {};
+  for (let keyframe = 20; keyframe < 300; keyframe += 10) source.gone.add(keyframe);
+  await rest();
+  assert.equal(ahead.lost.size, 100);
+  return { ahead, source, events };
+}
+
+test('a ladder that was given up is read on after a seek, and ends where that is no use', async () => {
+  for (const mended of [true, false]) {
+    const { ahead, source, events } = await givenUp();
+    if (mended) source.gone.clear();
+    ahead.askAgain();
+    ahead.aim(5);
+    await rest();
+    ahead.aim(25);
+    await rest();
+    assert.equal(Boolean(ahead.get(25)), mended);
+    assert.equal(events.filter(({ fatal }) => fatal).length, mended ? 0 : 1);
+  }
+});
+
+test('a ladder that was given up for damage is read on after a seek', async () => {
+  const { ahead, events } = begun({ frames: 300, workers: 1, hold: 1000, damaged: Array.from({ length: 10 }, (_, at) => 20 + 10 * at) });
+  /** @type {any} */ (ahead.source).rungs = {};
+  await rest();
+  assert.ok(!ahead.settled(120));
+  ahead.askAgain();
+  ahead.aim(150);
+  await rest();
+  assert.ok(ahead.get(150) && ahead.lost.has(20));
+  assert.deepEqual(events.filter(({ failed }) => failed), []);
+});
+
+test('details of a ladder that was given up are decoded of what there is', async () => {
+  const { ahead, events } = await givenUp();
+  ahead.setDetails(true);
+  await rest();
+  assert.ok(ahead.get(0)?.details && ahead.get(19)?.details);
+  assert.deepEqual(events.filter(({ failed }) => failed), []);
+});
+
 test('details are asked for only while they are wanted', async () => {
   const { ahead } = begun({ frames: 20 });
   await rest();
