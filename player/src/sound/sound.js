@@ -315,7 +315,7 @@ export class Sound {
     this.#lost.add(at);
     const begin = this.#starts[at];
     this.#on.gap({ begin: Math.max(0, begin), end: Math.min(this.#duration, this.#starts[at + 1] ?? this.#duration), message: words(why) });
-    if (at === this.#starts.length - 1) this.#end();
+    this.#end();
   }
 
   /** Fragments that are wanted and not there, the first one first. @returns {number[]} */
@@ -350,11 +350,13 @@ export class Sound {
       await appended(buffer, bytes);
     }
     this.#given.add(at);
-    if (at === this.#starts.length - 1) this.#end();
+    this.#end();
   }
 
-  /** Nothing comes behind what the element was given last. */
+  /** Says that nothing comes behind the last fragment, if that is so. Each fragment that is given later takes that back. */
   #end() {
+    const last = this.#starts.length - 1;
+    if (!this.#given.has(last) && !this.#lost.has(last)) return;
     if (this.#media.readyState === 'open') this.#media.endOfStream();
   }
 
@@ -428,7 +430,11 @@ async function appended(buffer, bytes) {
 /** @param {SourceBuffer} buffer */
 function settled(buffer) {
   return new Promise((/** @type {(value: void) => void} */ resolve, reject) => {
-    buffer.addEventListener('updateend', () => resolve(), { once: true });
-    buffer.addEventListener('error', () => reject(new Error('the browser cannot read it')), { once: true });
+    const listening = new AbortController();
+    const { signal } = listening;
+    const on = (/** @type {string} */ type, /** @type {() => void} */ then) => buffer.addEventListener(type, then, { signal });
+    // A buffer is waited for again and again: what is over leaves no listener behind.
+    on('updateend', () => (listening.abort(), resolve()));
+    on('error', () => (listening.abort(), reject(new Error('the browser cannot read it'))));
   });
 }
