@@ -16,6 +16,8 @@
 
 /** Distance at which the clock stops before a missing frame, in seconds. */
 const BEFORE = 1e-4;
+/** Most ms that pass in one tick. Nobody calls in a hidden page: a take goes on where it was left. */
+const MOST_PASSED = 1000;
 
 export class Clock {
   /** Seconds from the first frame, 0 to below `duration`. */
@@ -106,7 +108,7 @@ export class Clock {
    * @returns {'wrapped' | 'ended' | null} what happened
    */
   tick(now) {
-    const passed = this.#ticked === null ? 0 : Math.max(0, now - this.#ticked);
+    const passed = this.#ticked === null ? 0 : Math.min(MOST_PASSED, Math.max(0, now - this.#ticked));
     this.#ticked = now;
     if (!this.playing || this.#duration === 0) return null;
     const led = this.leader?.time(this.seconds, this.jumps) ?? null;

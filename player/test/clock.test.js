@@ -33,8 +33,21 @@ test('asking twice for the same time moves once', () => {
 
 test('a loop goes on with what is left over', () => {
   const clock = running();
+  clock.tick(600);
   assert.equal(clock.tick(1150), 'wrapped');
   near(clock.seconds, 0.15);
+});
+
+test('a take that nobody has looked at goes on where it was left', () => {
+  const clock = new Clock({ duration: 1200, last: 1199.9 });
+  clock.play();
+  clock.tick(0);
+  clock.tick(1000);
+  near(clock.seconds, 1);
+  clock.tick(301_000);
+  near(clock.seconds, 2);
+  clock.tick(301_016);
+  near(clock.seconds, 2.016);
 });
 
 test('without a loop it stops on the last frame and starts over', () => {
