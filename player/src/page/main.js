@@ -123,8 +123,8 @@ class Page {
   seek(frame) {
     const first = this.players[0];
     if (!first || first.live) return;
-    // The clock is shared: the others go with it.
-    first.seek(Math.min(frame, first.frames - 1));
+    // The clock is shared, so that the first has the last word; each of the others may be dragged, which ends here.
+    for (const player of [...this.players].reverse()) player.seek(Math.min(frame, first.frames - 1));
   }
 
   /** Sets volume or muting, also of what is opened later. @param {{ volume?: number, muted?: boolean }} how */

@@ -11,20 +11,28 @@ export class ScrubBar {
   #slider = byId('position', HTMLInputElement);
   #canvas = byId('marks', HTMLCanvasElement);
   #dragging = false;
+  /** Whether the drag has moved the playhead. */
+  #moved = false;
   #drawn = '';
 
   /** @param {{ scrub: (frame: number) => void, seek: (frame: number) => void }} on */
   constructor({ scrub, seek }) {
     const slider = this.#slider;
     slider.addEventListener('pointerdown', () => (this.#dragging = true));
-    slider.addEventListener('input', () => (this.#dragging ? scrub : seek)(slider.valueAsNumber));
-    // The end of a drag, wherever the pointer is then.
-    slider.addEventListener('change', () => {
-      this.#dragging = false;
-      seek(slider.valueAsNumber);
+    slider.addEventListener('input', () => {
+      this.#moved = this.#dragging;
+      (this.#dragging ? scrub : seek)(slider.valueAsNumber);
     });
-    addEventListener('pointerup', () => (this.#dragging = false));
-    addEventListener('pointercancel', () => (this.#dragging = false));
+    // A drag may end anywhere, and where it ends at the value that it began with, not every browser sends a change.
+    const end = () => {
+      this.#dragging = false;
+      if (!this.#moved) return;
+      this.#moved = false;
+      seek(slider.valueAsNumber);
+    };
+    slider.addEventListener('change', end);
+    addEventListener('pointerup', end);
+    addEventListener('pointercancel', end);
   }
 
   /** @param {import('../player.js').IsvPlayer | undefined} player @param {number} frames */
