@@ -181,6 +181,11 @@ class Page {
       player.addEventListener(type, (event) => then(/** @type {CustomEvent} */ (event).detail));
     on('open', () => {
       this.look(this.view);
+      // The source has begun anew, with a stream that can be played.
+      if (player.live) {
+        this.#messages.release('failed');
+        this.#messages.farewell();
+      }
       const { title } = player.metadata;
       if (title && this.players.length === 1) document.title = `${title} \u00b7 isv`;
       if (player.facts?.colour) this.stage.compile();
