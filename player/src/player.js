@@ -67,7 +67,7 @@ export class IsvPlayer extends EventTarget {
   clock;
   /** What ended it; null while it plays. @type {Error | null} */
   error = null;
-  /** Settles when the stream is open and its first picture is decoded; rejects with what went wrong. @type {Promise<IsvPlayer>} */
+  /** Settles when the stream is open and its first picture is decoded; rejects with what went wrong, or with an `AbortError` after `dispose`. @type {Promise<IsvPlayer>} */
   ready;
   #gate = (/** @type {number} */ seconds) => this.#gateTime(seconds);
   #details = false;
@@ -288,6 +288,7 @@ export class IsvPlayer extends EventTarget {
 
   dispose() {
     this.#closed = true;
+    this.#first.reject(new DOMException('the player was disposed of', 'AbortError'));
     this.clock.gates.delete(this.#gate);
     this.#silence();
     this.ahead?.close();
@@ -334,7 +335,10 @@ export class IsvPlayer extends EventTarget {
     this.#tell('open');
     this.ahead.listen({
       frame: () => this.#firstPicture(),
-      lost: (detail) => this.#tell('lost', detail),
+      lost: (detail) => {
+        this.#tell('lost', detail);
+        this.#noPicture(detail);
+      },
       failed: (error, fatal) => (fatal ? this.#fail(error) : this.#tell('stalled', { message: words(error) })),
       recovered: () => this.#tell('recovered'),
     });
@@ -399,6 +403,13 @@ export class IsvPlayer extends EventTarget {
 
   #firstPicture() {
     this.#first.resolve(this);
+  }
+
+  /** Ends the wait for a first picture where frames are lost without which there is none. @param {import('./workers.js').LostFrames} lost */
+  #noPicture({ frame, resumes, message, refused }) {
+    const { lost } = /** @type {import('./workers.js').DecodeAhead} */ (this.ahead);
+    if (refused && frame <= this.frame && this.frame < resumes) this.#first.reject(new IsvFailure('limit', message));
+    else if (lost.size >= this.frames) this.#first.reject(new IsvFailure('damaged', `no frame of it can be decoded: ${message}`));
   }
 
   /** @param {unknown} cause */

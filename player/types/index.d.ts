@@ -206,7 +206,7 @@ export class IsvPlayer extends EventTarget {
   up: Up;
   readonly mesh: Mesh;
   readonly clock: Clock;
-  /** Settles with the first decoded frame; rejects if the stream cannot be played. */
+  /** Settles with the first decoded frame; rejects if the stream cannot be played, and with an `AbortError` after `dispose`. */
   readonly ready: Promise<this>;
   /** What the header of the stream says that is shown. Null until it is open. */
   readonly facts: StreamFacts | null;
