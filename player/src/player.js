@@ -345,6 +345,7 @@ export class IsvPlayer extends EventTarget {
     this.ahead.aim(this.frame, { loop: this.loop });
     this.ahead.hurry();
     this.ahead.start();
+    if (source.silence && options.sound !== false) this.#tell('silent', { message: `the take plays without sound: ${source.silence}` });
     if (source.sound && this.#listening) await this.#listen(source.sound);
   }
 

@@ -40,6 +40,7 @@ const INDEX_LIMIT = PACKET_HEADER_BYTES + 8 * FRAME_LIMIT;
  * @property {FrameTimes} times
  * @property {Metadata} metadata what the take says of itself
  * @property {import('./sound/tracks.js').SoundTracks | null} sound null in a take without
+ * @property {string} [silence] why the sound that a take has is not there
  * @property {boolean} indexed whether the file says where its frames are; false if its writer did not finish, or its end was lost
  * @property {StreamFacts[]} facts of each stream that frames may come from: one, but in a ladder
  * @property {Uint8Array[]} headers what decoders of these streams are opened with

@@ -76,6 +76,18 @@ test('a rung whose playlist or header the server does not have is left out', asy
   await damaged('missing', all, () => assert.rejects(open(), { message: 'stream.m3u8: the server has no such file' }));
 });
 
+test('a ladder of which only the sound is missing opens without, and says why', async () => {
+  for (const [path, name] of [['/files/sound/stream.m3u8', 'stream.m3u8'], ['/files/sound/init.mp4', 'init.mp4']])
+    await damaged('missing', [path], async () => {
+      const source = await open();
+      assert.deepEqual([source.frames, source.sound, source.silence], [90, null, `${name}: the server has no such file`]);
+      source.close();
+    });
+  const source = await open();
+  assert.equal(source.silence, undefined);
+  source.close();
+});
+
 test('it begins at the lowest rung, and goes to the one that the network has room for', async () => {
   server.requests.length = 0;
   const source = await open();

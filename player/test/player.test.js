@@ -1,6 +1,9 @@
 import assert from 'node:assert/strict';
 import { readFile } from 'node:fs/promises';
 import { afterEach, test } from 'node:test';
+import { laddered } from './support/ladder.js';
+import { fakeSound } from './support/mp4.js';
+import { serve } from './support/server.js';
 import './support/three.js';
 
 const { IsvPlayer } = await import('../src/player.js');
@@ -48,4 +51,13 @@ test('a first frame that is refused, and a take without a good frame, are told w
   await assert.rejects(begun({ source: stream }).ready, { name: 'IsvFailure', kind: 'limit', message: /^frame 0 needs/ });
   answer = { is: 'lost', message: 'wrong checksum' };
   await assert.rejects(begun({ source: stream }).ready, { name: 'IsvFailure', kind: 'damaged', message: 'no frame of it can be decoded: wrong checksum' });
+});
+
+test('a ladder whose sound the server does not have says so', async () => {
+  const { 'sound/stream.m3u8': _, ...files } = laddered([stream], { sound: fakeSound(1) });
+  const server = await serve(files);
+  const url = `${server.url}files/master.m3u8`;
+  const silent = new Promise((told) => begun({ url }).addEventListener('silent', (event) => told(/** @type {CustomEvent} */ (event).detail)));
+  assert.deepEqual(await silent, { message: 'the take plays without sound: stream.m3u8: the server has no such file' });
+  await server.close();
 });

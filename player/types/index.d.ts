@@ -165,7 +165,7 @@ export interface PlayerEvents {
   described: undefined;
   /** Sound is there, and leads the clock. */
   sound: { codec: string };
-  /** The browser cannot play the take's sound: it plays without. */
+  /** The browser cannot play the take's sound, or the server does not have it: it plays without. */
   silent: { message: string };
   /** Sound from `begin` to `end` (s) cannot be had: the take plays on without it. */
   gap: { begin: number; end: number; message: string };

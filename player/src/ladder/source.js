@@ -78,14 +78,15 @@ export class LadderSource {
    * @param {string} name
    * @param {Rung[]} rungs
    * @param {{ headers: Uint8Array[], facts: StreamFacts[], metadata: import('../metadata.js').Metadata, all: Rungs['all'],
-   *   sound: import('../sound/tracks.js').SoundTracks | null, meter: Meter }} what
+   *   sound: import('../sound/tracks.js').SoundTracks | null, silence?: string, meter: Meter }} what
    */
-  constructor(name, rungs, { headers, facts, metadata, sound, all, meter }) {
+  constructor(name, rungs, { headers, facts, metadata, sound, silence, all, meter }) {
     this.name = name;
     this.headers = headers;
     this.facts = facts;
     this.metadata = metadata;
     this.sound = sound;
+    this.silence = silence;
     this.rungs = { all, shown: -1, throughput: 0 };
     this.#rungs = rungs;
     this.#meter = meter;
@@ -123,9 +124,9 @@ export class LadderSource {
     const master = isMaster(text) ? parseMaster(text, url) : { rungs: [{ url, bandwidth: 1, codecs: '', sound: null }], sounds: new Map() };
     const soundUrl = [...master.sounds.values()][0];
     const meter = { bytes: 0 };
-    const [rungs, sound] = await Promise.all([
+    const [rungs, { sound, silence }] = await Promise.all([
       thoseThere(master.rungs.map((rung) => readRung(rung, rung.url === url ? text : undefined))),
-      soundUrl === undefined ? null : readSound(master.sounds.get(master.rungs[0].sound ?? '') ?? soundUrl, meter),
+      soundUrl === undefined ? { sound: null, silence: undefined } : soundThere(readSound(master.sounds.get(master.rungs[0].sound ?? '') ?? soundUrl, meter)),
     ]);
     checkAligned(rungs);
     const parse = await parser;
@@ -135,6 +136,7 @@ export class LadderSource {
       metadata: metadataOf(rungs[0].isvC.subarray(STREAM_HEADER_BYTES, METADATA_LIMIT)),
       all: rungs.map(({ bandwidth, codecs }) => ({ bandwidth, codecs })),
       sound,
+      silence,
       meter,
     });
   }
@@ -417,6 +419,20 @@ async function thoseThere(rungs) {
   const wrong = failed.find((reason) => !(reason instanceof IsvFailure && reason.kind === 'missing'));
   if (wrong || failed.length === rungs.length) throw wrong ?? failed[0];
   return read.filter((one) => one.status === 'fulfilled').map(({ value }) => value);
+}
+
+/**
+ * Sound of which the server has playlist and header, or why there is none: the take can be played without.
+ * @param {ReturnType<typeof readSound>} reading
+ * @returns {Promise<{ sound: Awaited<ReturnType<typeof readSound>>, silence?: string }>}
+ */
+async function soundThere(reading) {
+  try {
+    return { sound: await reading };
+  } catch (error) {
+    if (!(error instanceof IsvFailure && error.kind === 'missing')) throw error;
+    return { sound: null, silence: error.message };
+  }
 }
 
 /** @param {string} url of a playlist @param {Meter} meter @returns {Promise<import('../sound/tracks.js').SoundTracks | null>} */
