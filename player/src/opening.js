@@ -13,7 +13,7 @@ const MEMORY = 256 << 20;
 
 /**
  * Which file, and what decoding it may take.
- * @typedef {Pick<import('./player.js').PlayerOptions, 'url' | 'source' | 'wasm' | 'workers' | 'memory' | 'maxMemory' | 'voxels'>} FileOptions
+ * @typedef {Pick<import('./player.js').PlayerOptions, 'url' | 'source' | 'wasm' | 'workers' | 'memory' | 'maxMemory' | 'voxels'> & { signal?: AbortSignal }} FileOptions signal: nobody waits for it any more
  */
 
 /** Opens a file. Nothing is decoded before `start`. @param {FileOptions} options @returns {Promise<DecodeAhead>} */
@@ -26,7 +26,9 @@ async function open(options) {
   const parser = module.then((module) => Decoder.create(module));
   parser.catch(() => {}); // Said below, unless the file fails first.
   try {
-    const source = await openSource(bytesOf(options), parser);
+    const bytes = bytesOf(options);
+    options.signal?.addEventListener('abort', () => bytes.close(), { once: true });
+    const source = await openSource(bytes, parser);
     const { memory = MEMORY } = options;
     const allowance = allowanceFor(allowanceOf(options), { colour: source.facts.some(({ colour }) => colour) });
     const spawn = () => ports.pop() ?? spawnWorker();

@@ -87,6 +87,7 @@ export class IsvPlayer extends EventTarget {
   #held = { from: 0, to: 0 };
   #waiting = false;
   #closed = false;
+  #opening = new AbortController();
   /** Where a drag on the scrub bar is, while a picture near an earlier place is still on its way. */
   #scrub = -1;
   /** Whether the playhead is being dragged: sound waits for the end of it. */
@@ -288,6 +289,7 @@ export class IsvPlayer extends EventTarget {
 
   dispose() {
     this.#closed = true;
+    this.#opening.abort();
     this.#first.reject(new DOMException('the player was disposed of', 'AbortError'));
     this.clock.gates.delete(this.#gate);
     this.#silence();
@@ -318,7 +320,7 @@ export class IsvPlayer extends EventTarget {
       this.live.details = this.#details;
       return;
     }
-    const ahead = await openFile(options);
+    const ahead = await openFile({ ...options, signal: this.#opening.signal });
     const { source } = ahead;
     if (this.#closed) {
       ahead.close();

@@ -11,6 +11,8 @@ const KEPT = 1 << 25;
 /** Bytes taken from each end of a file when it is opened: header and first frames, index and trailer. */
 const HEAD = CHUNK;
 const TAIL = 1 << 16;
+/** Longest silence of a server in ms: a request that goes on no more is given up. */
+export const SILENCE = 10_000;
 
 /**
  * Where the bytes come from.
@@ -69,14 +71,17 @@ export class HttpBytes {
   /** @type {string | null} what tells this version of the file from another */
   #version = null;
   #closing = new AbortController();
+  /** Silence of the server before and in each answer whose body is read. @type {WeakMap<Response, Silence>} */
+  #silences = new WeakMap();
   /** Requests made so far. */
   requests = 0;
 
-  /** @param {string} url @param {{ limit?: number, fetch?: typeof fetch }} [options] most bytes of a file read whole */
-  constructor(url, { limit = 1 << 29, fetch: get = (input, init) => fetch(input, init) } = {}) {
+  /** @param {string} url @param {{ limit?: number, silence?: number, fetch?: typeof fetch }} [options] most bytes of a file read whole, and ms without a byte */
+  constructor(url, { limit = 1 << 29, silence = SILENCE, fetch: get = (input, init) => fetch(input, init) } = {}) {
     this.url = url;
     this.name = nameOf(url);
     this.limit = limit;
+    this.silence = silence;
     this.fetch = get;
   }
 
@@ -201,18 +206,28 @@ export class HttpBytes {
   /** @param {string} range @param {AbortSignal} signal */
   async #request(range, signal) {
     this.requests++;
+    const silence = new Silence(this.silence);
     let response;
     try {
-      response = await this.fetch(this.url, { headers: { range }, signal });
+      response = await this.fetch(this.url, { headers: { range }, signal: AbortSignal.any([signal, silence.signal]) });
+      this.#silences.set(response, silence);
     } catch (cause) {
+      if (silence.isTooLong) throw this.#unanswered(cause);
       if (isAbort(cause)) throw cause;
       throw new IsvFailure('missing', `${this.name} cannot be fetched: ${words(cause)}`, { cause });
+    } finally {
+      silence.end();
     }
     if (response.ok) return response;
     if (response.status === 416) throw new IsvFailure('not-isv', `${this.name} is empty`);
     const why =
       response.status === 404 ? 'the server has no such file' : `the server says ${response.status} ${response.statusText}`;
     throw new IsvFailure('missing', `${this.name}: ${why}`.trim());
+  }
+
+  /** What a request fails with of which nothing comes any more: it is made again. @param {unknown} cause */
+  #unanswered(cause) {
+    return new IsvFailure('missing', `${this.name}: the server sends nothing`, { cause });
   }
 
   /** The bytes of a part that was asked for. @param {Response} response @param {number} from @param {number} to */
@@ -243,19 +258,58 @@ export class HttpBytes {
       await response.body?.cancel();
       throw refuse();
     }
+    const silence = this.#silences.get(response);
+    silence?.begin();
     try {
       const parts = [];
       let length = 0;
       for await (const part of chunksOf(response)) {
+        silence?.begin();
         length += part.length;
         if (length > limit) throw refuse();
         parts.push(part);
       }
       return joined(parts, length);
     } catch (cause) {
+      if (silence?.isTooLong) throw this.#unanswered(cause);
       if (isAbort(cause) || cause instanceof IsvFailure) throw cause;
       throw new IsvFailure('missing', `${this.name}: the connection broke off`, { cause });
+    } finally {
+      silence?.end();
     }
+  }
+}
+
+/** Silence of a server that is waited for: a signal, if it becomes too long. */
+export class Silence {
+  #longest;
+  #quiet = new AbortController();
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  #timer;
+
+  /** Begins. @param {number} longest ms */
+  constructor(longest) {
+    this.#longest = longest;
+    this.begin();
+  }
+
+  get signal() {
+    return this.#quiet.signal;
+  }
+
+  get isTooLong() {
+    return this.#quiet.signal.aborted;
+  }
+
+  /** Begins anew: something has come. */
+  begin() {
+    this.end();
+    this.#timer = setTimeout(() => this.#quiet.abort(), this.#longest);
+  }
+
+  /** Nothing is waited for any more. */
+  end() {
+    clearTimeout(this.#timer);
   }
 }
 

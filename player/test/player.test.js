@@ -16,7 +16,16 @@ let answer = null;
 Object.assign(globalThis, {
   Worker: class {
     onmessage = (/** @type {any} */ _) => {};
-    terminate() {}
+    #ended = false;
+
+    constructor() {
+      workers++;
+    }
+
+    terminate() {
+      if (!this.#ended) workers--;
+      this.#ended = true;
+    }
 
     /** @param {any} order */
     postMessage({ do: what, run, frame }) {
@@ -24,6 +33,9 @@ Object.assign(globalThis, {
     }
   },
 });
+
+/** Workers that have been started and not ended. */
+let workers = 0;
 
 /** @type {InstanceType<typeof IsvPlayer>[]} */
 const players = [];
@@ -44,6 +56,19 @@ test('a player that is disposed of while it opens is no longer waited for', asyn
   const player = begun({ source: stream });
   player.dispose();
   await assert.rejects(player.ready, { name: 'AbortError' });
+});
+
+test('a player that is disposed of no longer waits for a server', async () => {
+  const server = await serve();
+  server.habits.silent.add('/files/take.isv');
+  const player = begun({ url: `${server.url}files/take.isv` });
+  while (!server.requests.length) await new Promise((wake) => setTimeout(wake, 5));
+  assert.equal(workers, 1);
+  player.dispose();
+  const begin = performance.now();
+  while (workers && performance.now() - begin < 2000) await new Promise((wake) => setTimeout(wake, 5));
+  assert.equal(workers, 0);
+  await server.close();
 });
 
 test('a first frame that is refused, and a take without a good frame, are told without pictures being drawn', async () => {

@@ -128,6 +128,39 @@ test('an index of more bytes than one has is not read', async () => {
   assert.ok(largest.read < 1000, `${largest.read}`);
 });
 
+test('a request of a server that falls silent is given up, and made again by the next read', async () => {
+  const bytes = at('long.isv', { silence: 100 });
+  await bytes.open();
+  server.habits.silent.add('/files/long.isv');
+  const silent = { name: 'IsvFailure', kind: 'missing', message: 'long.isv: the server sends nothing' };
+  await assert.rejects(bytes.read(1_000_000, 1_000_100), silent);
+  await assert.rejects(bytes.readAlone(9_000_000, 9_000_100), silent);
+  await assert.rejects(at('long.isv', { silence: 100 }).open(), silent);
+  server.habits.silent.clear();
+  assert.equal(Buffer.compare(await bytes.read(1_000_000, 1_000_100), long.subarray(1_000_000, 1_000_100)), 0);
+  bytes.close();
+});
+
+test('an answer that stops is given up, and one that is slow is not', async () => {
+  /** Sends a byte every 40 ms, and none after some. @param {number} bytes */
+  const trickling = (bytes) => async (/** @type {any} */ _, /** @type {any} */ { signal }) => {
+    let sent = 0;
+    const body = new ReadableStream({
+      start: (controller) => signal.addEventListener('abort', () => controller.error(signal.reason)),
+      pull: async (controller) => {
+        await new Promise((wake) => setTimeout(wake, sent < bytes ? 40 : 1000));
+        if (signal.aborted) return;
+        if (sent < bytes) controller.enqueue(Uint8Array.of(sent++));
+        if (sent === 10) controller.close();
+      },
+    });
+    return new Response(body, { status: 200 });
+  };
+  const open = (/** @type {number} */ bytes) => new HttpBytes('take.isv', { silence: 200, fetch: trickling(bytes) }).open();
+  assert.equal(await open(10), 10);
+  await assert.rejects(open(5), { kind: 'missing', message: 'take.isv: the server sends nothing' });
+});
+
 test('a percent sign in an address may stand for itself', () => {
   assert.equal(nameOf('takes/100%.isv?x'), '100%.isv');
   assert.equal(nameOf('takes/a%20b.isv'), 'a b.isv');

@@ -1,10 +1,8 @@
 // Whole files by HTTP.
 
 import { IsvFailure, isAbort, words } from '../failure.js';
-import { chunksOf, joined, nameOf } from '../ranges.js';
+import { SILENCE, Silence, chunksOf, joined, nameOf } from '../ranges.js';
 
-/** Longest silence of a server in ms: a download that goes on no more is given up. */
-const SILENCE = 10_000;
 /** Wait for a sign of a server, in ms. */
 const SIGN = 5000;
 
@@ -23,12 +21,11 @@ export class NoAnswer extends IsvFailure {}
  */
 export async function download(url, { limit, signal, again = false, silence = SILENCE, progress }) {
   const name = nameOf(url);
-  const quiet = new AbortController();
-  let timer = setTimeout(() => quiet.abort(), silence);
+  const quiet = new Silence(silence);
   let answered = false;
   const failed = (/** @type {unknown} */ cause) => {
     if (signal?.aborted || cause instanceof IsvFailure) return cause;
-    if (quiet.signal.aborted) return new NoAnswer('missing', `${name}: the server sends nothing`, { cause });
+    if (quiet.isTooLong) return new NoAnswer('missing', `${name}: the server sends nothing`, { cause });
     if (isAbort(cause)) return cause;
     if (answered) return new IsvFailure('missing', `${name}: the connection broke off`, { cause });
     return new NoAnswer('missing', `${name} cannot be fetched: ${words(cause)}`, { cause });
@@ -46,8 +43,7 @@ export async function download(url, { limit, signal, again = false, silence = SI
     const parts = [];
     let got = 0;
     for await (const part of chunksOf(response)) {
-      clearTimeout(timer);
-      timer = setTimeout(() => quiet.abort(), silence);
+      quiet.begin();
       got += part.length;
       if (got > limit) throw new IsvFailure('limit', `${name} has more than ${limit} bytes`);
       parts.push(part);
@@ -57,7 +53,7 @@ export async function download(url, { limit, signal, again = false, silence = SI
   } catch (cause) {
     throw failed(cause);
   } finally {
-    clearTimeout(timer);
+    quiet.end();
   }
 }
 
