@@ -27,8 +27,8 @@ const CUSHION = 0.2;
  * @property {string} [live] address of a live stream, ws: or wss: or relative
  * @property {string | URL | WebAssembly.Module} [wasm] the decoder, if it is not beside the modules
  * @property {number} [workers] how many decode; as many as there are cores, up to 4
- * @property {number} [memory] most bytes of decoded frames; 256 MiB. Of a scene of which one frame takes most of that, half
- *   as much again
+ * @property {number} [memory] most bytes of decoded frames; 256 MiB. Two frames are held, whatever they take. Of a scene of which
+ *   one frame takes most of that, half as much again
  * @property {number} [maxMemory] most bytes that decoders may take; half of the machine's memory
  * @property {number} [voxels] most voxels of a frame; as many as that memory has room for
  * @property {import('./axes.js').Up} [up] the axis of the capture that points up; what the take says, or `y`. The object is turned so that it is Y

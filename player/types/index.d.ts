@@ -89,7 +89,7 @@ export interface PlayerOptions {
   wasm?: string | URL | WebAssembly.Module;
   /** How many workers decode; as many as there are cores, up to 4. */
   workers?: number;
-  /** Most bytes of decoded frames; 256 MiB. Of a scene of which one frame takes most of that, half as much again. */
+  /** Most bytes of decoded frames; 256 MiB. Two frames are held, whatever they take. Of a scene of which one frame takes most of that, half as much again. */
   memory?: number;
   /** Most bytes that decoders may take; half of the machine's memory. A frame that needs more is refused before it takes any. */
   maxMemory?: number;
