@@ -214,7 +214,7 @@ pub fn default_voxel_size() -> VoxelSize {
 #[derive(Clone, Debug)]
 pub struct CaptureTimes {
     rate: FrameRate,
-    /// Of each frame, counted from the first; `None` where frames follow each other at the rate.
+    /// Time of each frame, counted from the first; `None` where frames follow each other at the rate.
     stated_ns: Option<Vec<u64>>,
 }
 

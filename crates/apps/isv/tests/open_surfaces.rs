@@ -34,7 +34,7 @@ fn squares_near_voxel_centres_beside_a_block_keep_their_area() {
             let positions =
                 vec![[-0.047, -0.043, z], [0.053, -0.043, z], [0.053, 0.057, z], [-0.047, 0.057, z]];
             let mesh = Mesh { positions, triangles: vec![[0, 1, 2], [0, 2, 3]], ..Mesh::default() };
-            let area = coded(quality, |writer| _ = writer.push_mesh(&mesh).unwrap()) / 0.01;
+            let area = coded(quality, |writer| writer.push_mesh(&mesh).unwrap()) / 0.01;
             println!("{height} at {quality}: {area:.3}");
             assert!((0.9..1.1).contains(&area), "{height} at {quality}: {area}");
         }
@@ -53,7 +53,7 @@ fn few_points_near_voxel_centres_beside_a_block_keep_their_area() {
             normals: vec![[0.0, 0.0, 1.0]; 64],
             ..Points::default()
         };
-        let area = coded(80.0, |writer| _ = writer.push_points(&points).unwrap()) / 0.035f64.powi(2);
+        let area = coded(80.0, |writer| writer.push_points(&points).unwrap()) / 0.035f64.powi(2);
         println!("{height}: {area:.3}");
         assert!((1.0..3.0).contains(&area), "{height}: {area}");
     }

@@ -22,8 +22,8 @@ pub struct Segments<S> {
 }
 
 impl<S: Read + Seek> Segments<S> {
-    /// Finds the segments. With `length`, each begins with a keyframe and has as many whole groups of pictures as fit into so many samples;
-    /// without, a segment is a fragment.
+    /// Finds the segments. With `length`, each begins with a keyframe, and has as many whole groups of pictures as so many samples hold.
+    /// Without, a segment is a fragment.
     ///
     /// # Errors
     /// A file of several tracks, one that is not fragmented or not whole, and one whose keyframes are farther apart than `length`.

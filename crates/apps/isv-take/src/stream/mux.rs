@@ -125,7 +125,7 @@ pub fn tracks_beside(input: &Input, frames: Option<FrameRange>) -> Result<Tracks
     Ok(tracks)
 }
 
-/// The tracks beside streams that are joined, each where its stream is in time; `None` if the files do not have tracks of the same
+/// The tracks beside streams that are joined, each where its stream is in time. `None` if the files do not have tracks of the same
 /// codecs.
 ///
 /// # Errors

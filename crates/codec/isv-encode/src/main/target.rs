@@ -33,7 +33,7 @@ const NEAR_WEIGHT: f32 = 0.3;
 /// The samples that a block turns to a neighbour lie on the surface if they are nearer to it than this on average, in codes. Where that
 /// neighbour is not coded its side is what they vote for (`docs/spec/format.md`, 7.10.8), which must not be left to rounding.
 const FACE_ON_SURFACE: i32 = CODES_PER_VOXEL / 2;
-/// The same of a face that was observed in part: what coding moves a surface by, and no more, as blocks at rims cost bits.
+/// [`FACE_ON_SURFACE`] of a face that was observed in part. It is what coding moves a surface by, as blocks at rims cost bits.
 const PART_ON_SURFACE: i32 = CODES_PER_VOXEL / 4;
 
 /// [`SIGN_MARGIN`] in codes.
