@@ -32,7 +32,7 @@ impl Default for HubLimits {
 /// A live stream between its source and its viewers.
 ///
 /// Packets have sequence numbers. The ring holds the newest, within [`HubLimits::ring_bytes`]; a [`Viewer`] holds the number of
-/// its next packet and no packets. So a viewer that is slow, or has stopped, costs nothing and holds up nobody.
+/// its next packet and no packets. So a viewer that is slow, or has stopped, costs nothing here and holds up nobody.
 #[derive(Debug)]
 pub struct Hub {
     limits: HubLimits,

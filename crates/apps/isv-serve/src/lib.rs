@@ -15,7 +15,8 @@
 //! | `/live` | a WebSocket with the packets of a live source, as [`message`] has them |
 //!
 //! It reads packets, and decodes none. What a viewer can make the server hold does not grow. All viewers read
-//! one ring, and whoever is too slow for it goes on at a later keyframe.
+//! one ring, and whoever is too slow for it goes on at a later keyframe. The socket of a viewer holds a copy of the packet
+//! that is sent, and keeps that room until the viewer leaves.
 
 mod accept;
 mod error;

@@ -62,7 +62,7 @@ pub(crate) async fn watch(State(live): State<Live>, upgrade: WebSocketUpgrade) -
         .max_message_size(LARGEST_QUESTION)
         .max_frame_size(LARGEST_QUESTION)
         .read_buffer_size(READ_BUFFER_BYTES)
-        // A message is in memory once for all viewers; what a socket does not take at once waits there.
+        // A message is written at once. The library copies it, and keeps the room of the largest for each viewer.
         .write_buffer_size(0)
         .on_upgrade(move |socket| Connection::new(socket, &live, seat).run())
 }
