@@ -158,12 +158,20 @@ fn lower_rates_have_larger_voxels_as_far_as_that_is_allowed() {
 #[test]
 fn frames_that_are_left_out_leave_segments_aligned() {
     let work = Workspace::with_figure(FRAMES);
-    work.write("frames/frame_1.ply", "no mesh");
+    work.write("click.wav", support::waveform(0.3));
     let run = ["package", "frames", "-o", "site", "--rungs", "2", "--voxel", "20mm", "--gop", "3"];
-    work.isv(&[&run[..], &["--skip-bad-frames"]].concat()).done();
-    for rung in ["rung-0", "rung-1"] {
-        let frames: Vec<usize> = segments(&work, rung).iter().map(|segment| segment.0).collect();
-        assert_eq!(frames, [GOP - 1, GOP, FRAMES - 2 * GOP], "{rung}");
+    let run = [&run[..], &["--skip-bad-frames", "--audio", "click.wav"]].concat();
+    work.isv(&run).done();
+    let whole = work.read("site/sound/0000.m4s");
+    for (bad, segments_of) in [(1, [GOP - 1, GOP, FRAMES - 2 * GOP]), (0, [GOP - 2, GOP, FRAMES - 2 * GOP])] {
+        work.write(&format!("frames/frame_{bad}.ply"), "no mesh");
+        work.isv(&run).done();
+        for rung in ["rung-0", "rung-1"] {
+            let frames: Vec<usize> = segments(&work, rung).iter().map(|segment| segment.0).collect();
+            assert_eq!(frames, segments_of, "{rung}");
+        }
+        // Sound begins with the first frame that is coded.
+        assert_eq!(work.read("site/sound/0000.m4s") == whole, bad == 1);
     }
 }
 
@@ -185,6 +193,9 @@ fn lower_rates_that_cannot_be_are_refused_at_once() {
     let run = ["package", "frames", "-o", "site", "--voxel", "20mm", "--profile", "paper"];
     work.isv(&run).fails(1, &["profile paper has no rate control: --rungs 1"]);
     work.isv(&[&run[..], &["--rungs", "1"]].concat()).done();
-    let piped = ["package", "-", "-o", "site", "--voxel", "20mm"];
-    work.isv_with_input(&piped, &work.read("frames/frame_0.ply")).fails(1, &["read once for each rate"]);
+    work.write("click.wav", support::waveform(0.3));
+    let piped = ["package", "-", "-o", "piped", "--voxel", "20mm", "--audio", "click.wav"];
+    let frame = work.read("frames/frame_0.ply");
+    work.isv_with_input(&piped, &frame).fails(1, &["read once for each rate"]);
+    work.isv_with_input(&[&piped[..], &["--rungs", "1"]].concat(), &frame).done();
 }

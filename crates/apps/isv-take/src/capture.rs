@@ -336,10 +336,14 @@ impl Capture {
     /// When frames are shown in a stream of a frame rate.
     #[must_use]
     pub fn times(&self, rate: FrameRate, source: TimestampSource) -> CaptureTimes {
-        // As packets are stamped: frames of another rate than the capture's follow each other.
-        let is_kept = source == TimestampSource::Source && self.frame_rate() == Some(rate);
+        let is_kept = source == TimestampSource::Source && self.keeps_times(rate);
         let stated_ns = if is_kept { self.kind.times_ns(&self.input, rate) } else { None };
         CaptureTimes { rate, stated_ns }
+    }
+
+    /// Whether a stream of a frame rate has the times that the capture states: at another rate than its own, frames follow each other.
+    pub(crate) fn keeps_times(&self, rate: FrameRate) -> bool {
+        self.frame_rate() == Some(rate)
     }
 
     /// Whether the frames are dense fields.

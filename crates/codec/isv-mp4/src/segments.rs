@@ -41,12 +41,12 @@ impl<S: Read + Seek> Segments<S> {
             None => fragments.to_vec(),
             Some(most) => {
                 let groups = merged(fragments, |_, fragment| !is_keyframe(fragment));
+                if groups.iter().any(|group| group.samples.len() > most) {
+                    return Err(refused("a keyframe is missing where a segment should begin"));
+                }
                 merged(&groups, |segment, group| segment.samples.len() + group.samples.len() <= most)
             }
         };
-        if length.is_some_and(|length| places.iter().any(|place| place.samples.len() > length.get())) {
-            return Err(refused("a keyframe is missing where a segment should begin"));
-        }
         Ok(Self { file, places })
     }
 

@@ -37,6 +37,7 @@ use isv::raw::take::stream::{Container, Tracks, tracks_beside};
 use isv::raw::take::{Cancellation, FrameRange, Input, Length};
 use std::iter;
 use std::num::NonZero;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
@@ -208,16 +209,19 @@ impl CaptureArgs {
         (!self.tracks.is_empty()).then(|| capture.times(rate, self.timestamps.into()))
     }
 
-    /// The tracks beside the stream: those of an MP4 file that is coded anew, and those asked for. They begin with the first frame.
+    /// The time (ns) of sound and picture that belongs to the frames that are asked for, from frame `first` on.
+    pub(super) fn part(&self, times: &CaptureTimes, first: usize) -> Range<u64> {
+        let end = self.frames.map(|frames| frames.end).filter(|end| *end != FrameRange::OPEN);
+        times.of_ns(first)..end.map_or(u64::MAX, |end| times.of_ns(end))
+    }
+
+    /// The tracks beside the stream: those of an MP4 file that is coded anew, and those asked for, of which a part (ns) is wanted.
     pub(super) fn open_tracks(
         &self,
         input: &Input,
-        times: Option<&CaptureTimes>,
+        part: Option<Range<u64>>,
         output: &Path,
     ) -> Result<Tracks> {
-        let part = times.zip(self.frames).map(|(times, FrameRange { start, end })| {
-            times.of_ns(start)..if end == FrameRange::OPEN { u64::MAX } else { times.of_ns(end) }
-        });
         let kept = tracks_beside(input, self.frames)?;
         let mut tracks = stream::kept_tracks(kept, &input.name(), output);
         tracks.extend(self.tracks.open(part)?);
@@ -290,8 +294,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         progress.expect(frames);
     }
     let voxel_m = job.header().grid.voxel_size.metres();
+    let part = times.as_ref().map(|times| flags.part(times, first));
     let begin = Arc::new(OnceLock::new());
-    let tracks = flags.open_tracks(&input, times.as_ref(), &args.output)?.into_iter();
+    let tracks = flags.open_tracks(&input, part, &args.output)?.into_iter();
     let tracks: Tracks = tracks.map(|track| Box::new(FromFirstFrame::new(track, &begin)) as _).collect();
     let has_tracks = !tracks.is_empty();
     let output = StreamOutput::create(&args.output, tracks)?;

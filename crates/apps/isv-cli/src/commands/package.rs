@@ -26,6 +26,7 @@ use isv_serve::{ExportFolder, Page, PageOptions};
 use std::fs::File;
 use std::io::{BufReader, BufWriter, IntoInnerError};
 use std::num::NonZero;
+use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -62,6 +63,8 @@ struct CodedRung {
     header: StreamHeader,
     bytes: u64,
     seconds: f64,
+    /// The time (ns) of sound that belongs to it; `None` for all.
+    part: Option<Range<u64>>,
 }
 
 /// Runs the command.
@@ -105,9 +108,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         coded.push(encoded(args, &input, &options, rung + 1)?);
     }
     check_aligned(&coded)?;
-    let capture = Capture::open(&input, &options.hints(&words::observer())?)?;
-    let times = args.capture.times(&capture, coded[0].header.frame_rate);
-    let tracks = args.capture.open_tracks(&input, times.as_ref(), "sound.mp4".as_ref())?;
+    let tracks = args.capture.open_tracks(&input, coded[0].part.clone(), "sound.mp4".as_ref())?;
     let sound = sound(tracks, coded[0].seconds)?;
     let master = write_ladder(&mut folder, &mut coded, sound)?;
     folder.write(MASTER, master.as_bytes())?;
@@ -207,19 +208,26 @@ fn encoded(args: &Args, input: &Input, options: &EncodeOptions, rung: usize) -> 
     let progress = Arc::new(Progress::new(None, format!("rate {rung}")));
     let observer = words::observer_above(&progress);
     let capture = Capture::open(input, &options.hints(&observer)?)?;
+    let header = options.header(capture.grid(), capture.frame_rate())?;
+    let times = args.capture.times(&capture, header.frame_rate);
     let open = || args.capture.backend.open(&*observer);
     let job = Job::prepare(capture, options, open, &observer, &mut Passes::default())?;
     if let Some(frames) = job.frames() {
         progress.expect(frames);
     }
-    let done = job.run(unnamed()?, |_| progress.step());
+    let mut first = None;
+    let done = job.run(unnamed()?, |report| {
+        first = first.or(report.map(|report| report.number));
+        progress.step();
+    });
     progress.clear();
     let (writer, report) = done.map_err(|unfinished| unfinished.error)?;
     if report.is_cancelled {
         bail!("interrupted: nothing was written");
     }
     let output = writer.finish()?.finish()?;
-    CodedRung::new(output, report.header, report.seconds, options.gop)
+    let part = times.zip(first).map(|(times, first)| args.capture.part(&times, first));
+    Ok(CodedRung { part, ..CodedRung::new(output, report.header, report.seconds, options.gop)? })
 }
 
 /// Puts a stream as it is into an MP4 file without a name.
@@ -245,7 +253,7 @@ impl CodedRung {
         let track = &segments.file().tracks()[0];
         // The stream's: boxes around it are the same in all rates.
         let bytes = track.bytes() + track.description.sample_entry.len() as u64;
-        Ok(Self { segments, header, bytes, seconds })
+        Ok(Self { segments, header, bytes, seconds, part: None })
     }
 }
 

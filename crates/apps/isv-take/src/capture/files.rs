@@ -2,6 +2,7 @@
 
 use super::{CapturedFrame, Content, Hints};
 use crate::encode::FrameError;
+use isv_format::FrameRate;
 use isv_io::{FrameSequence, FrameTimes, ReadOptions, ScaleCheck, acquisition_time_s, read_geometry_as};
 use std::path::{Path, PathBuf};
 use std::vec::IntoIter;
@@ -23,16 +24,9 @@ impl FileFrames {
     pub(super) fn new(sequence: &FrameSequence, origin: usize, first: usize, hints: &Hints) -> Self {
         let before = first - origin;
         let paths = sequence.paths()[before..].to_vec();
-        let rate = hints.frame_rate;
-        let times_ns = match sequence.times() {
-            FrameTimes::Even => None,
-            FrameTimes::Numbered(places) => {
-                Some(places[before..].iter().map(|place| rate.timestamp_ns(*place)).collect())
-            }
-            FrameTimes::Nanoseconds(times) => Some(times[before..].to_vec()),
-        };
+        let times_ns =
+            named_ns(sequence, hints.frame_rate).map(|mut times| times.split_off(before).into_iter());
         let scale = (!hints.mixed_scales).then(ScaleCheck::new);
-        let times_ns = times_ns.map(Vec::into_iter);
         Self { paths: paths.into_iter(), number: first, options: hints.read_options(), times_ns, scale }
     }
 
@@ -46,6 +40,15 @@ impl FileFrames {
         let (name, content) = (path.display().to_string(), Content::Geometry(geometry));
         let timestamp_ns = named_ns.or_else(|| scanned_ns(path));
         Ok(CapturedFrame { timestamp_ns, ..CapturedFrame::new(number, name, content) })
+    }
+}
+
+/// When the files of a sequence were taken, counted from the first (ns), where their names say. `rate`: of frames that are numbered.
+pub(super) fn named_ns(sequence: &FrameSequence, rate: FrameRate) -> Option<Vec<u64>> {
+    match sequence.times() {
+        FrameTimes::Even => None,
+        FrameTimes::Numbered(places) => Some(places.iter().map(|place| rate.timestamp_ns(*place)).collect()),
+        FrameTimes::Nanoseconds(times) => Some(times.clone()),
     }
 }
 

@@ -1,6 +1,6 @@
 //! The kinds of captures.
 
-use super::files::{FileFrames, scanned_ns};
+use super::files::{FileFrames, named_ns, scanned_ns};
 use super::pipe::{self, PipedGeometry};
 use super::{CapturedFrame, Content, ContentKind, Frames, Hints, default_voxel_size, stream_settings};
 use crate::encode::{CaptureError, FrameError};
@@ -225,26 +225,19 @@ impl Kind {
     /// When each frame is shown, counted from the first (ns), as the capture says; `None` if it says nothing, and frames follow each other.
     /// `input`: what it was found in; `rate`: of frames that are numbered.
     pub(super) fn times_ns(&self, input: &Input, rate: FrameRate) -> Option<Vec<u64>> {
-        let stated: Vec<Option<u64>> = match self {
-            Self::Files(sequence, _) => match sequence.times() {
-                FrameTimes::Even => sequence.paths().iter().map(|path| scanned_ns(path)).collect(),
-                FrameTimes::Numbered(places) => {
-                    places.iter().map(|place| Some(rate.timestamp_ns(*place))).collect()
-                }
-                FrameTimes::Nanoseconds(times) => times.iter().copied().map(Some).collect(),
-            },
-            Self::Depth(depth) => (0..depth.frames()).map(|frame| depth.timestamp_ns(frame)).collect(),
-            Self::Stream(..) => StreamSummary::read(input)
-                .ok()?
-                .packets
-                .iter()
-                .map(|packet| Some(packet.timestamp_ns))
-                .collect(),
+        let stated: Vec<u64> = match self {
+            Self::Files(sequence, _) => named_ns(sequence, rate)
+                .or_else(|| sequence.paths().iter().map(|path| scanned_ns(path)).collect())?,
+            Self::Depth(depth) => {
+                (0..depth.frames()).map(|frame| depth.timestamp_ns(frame)).collect::<Option<_>>()?
+            }
+            Self::Stream(..) => {
+                StreamSummary::read(input).ok()?.packets.iter().map(|packet| packet.timestamp_ns).collect()
+            }
             Self::Animation { .. } | Self::Volumes { .. } | Self::PipedStream(_) | Self::PipedGeometry(_) => {
                 return None;
             }
         };
-        let stated: Vec<u64> = stated.into_iter().collect::<Option<_>>()?;
         let first = *stated.first()?;
         Some(stated.into_iter().map(|time| time.saturating_sub(first)).collect())
     }

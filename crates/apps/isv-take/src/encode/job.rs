@@ -147,7 +147,7 @@ impl Job {
         let facts = Facts {
             comes_once,
             skip_bad_frames: options.skip_bad_frames && capture.frames_stand_alone(),
-            keeps_times: capture.frame_rate() == Some(header.frame_rate),
+            keeps_times: capture.keeps_times(header.frame_rate),
             input_bytes: capture.bytes(&range),
             takes_turns: options.takes_turns,
             up: stream_up(options, capture.content() != ContentKind::Volume, source.as_ref()),

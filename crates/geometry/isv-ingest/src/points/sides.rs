@@ -19,8 +19,8 @@ const APART: u32 = CODES_PER_VOXEL as u32 * 3 / 2;
 /// A region of this many voxels is not wrong.
 const LARGE: usize = 8192;
 
-/// Surface, in edges between voxels near it, from which on a region is one side of a patch and not an error. Of a person's errors hardly
-/// any has so much.
+/// Surface, in edges between voxels near it, from which on a region is one side of a patch and not an error. Most errors are islands
+/// without any.
 const PATCH: usize = 16;
 
 /// A voxel: its block, and its index there.
