@@ -1,6 +1,7 @@
 /** Reading parts of a file: by HTTP ranges, or of a file on this device. Small reads are merged into large ones. */
 
 import { IsvFailure, isAbort, words } from './failure.js';
+import { SILENCE, Silence } from './silence.js';
 
 /** The unit in which bytes are fetched and kept. */
 const CHUNK = 1 << 18;
@@ -11,8 +12,6 @@ const KEPT = 1 << 25;
 /** Bytes taken from each end of a file when it is opened: header and first frames, index and trailer. */
 const HEAD = CHUNK;
 const TAIL = 1 << 16;
-/** Longest silence of a server in ms: a request that goes on no more is given up. */
-export const SILENCE = 10_000;
 
 /**
  * Where the bytes come from.
@@ -277,39 +276,6 @@ export class HttpBytes {
     } finally {
       silence?.end();
     }
-  }
-}
-
-/** Silence of a server that is waited for: a signal, if it becomes too long. */
-export class Silence {
-  #longest;
-  #quiet = new AbortController();
-  /** @type {ReturnType<typeof setTimeout> | undefined} */
-  #timer;
-
-  /** Begins. @param {number} longest ms */
-  constructor(longest) {
-    this.#longest = longest;
-    this.begin();
-  }
-
-  get signal() {
-    return this.#quiet.signal;
-  }
-
-  get isTooLong() {
-    return this.#quiet.signal.aborted;
-  }
-
-  /** Begins anew: something has come. */
-  begin() {
-    this.end();
-    this.#timer = setTimeout(() => this.#quiet.abort(), this.#longest);
-  }
-
-  /** Nothing is waited for any more. */
-  end() {
-    clearTimeout(this.#timer);
   }
 }
 

@@ -1,7 +1,8 @@
 // Whole files by HTTP.
 
 import { IsvFailure, isAbort, words } from '../failure.js';
-import { SILENCE, Silence, chunksOf, joined, nameOf } from '../ranges.js';
+import { chunksOf, joined, nameOf } from '../ranges.js';
+import { SILENCE, Silence } from '../silence.js';
 
 /** Wait for a sign of a server, in ms. */
 const SIGN = 5000;
