@@ -42,3 +42,19 @@ fn a_quality_of_colour_leaves_the_rest_of_a_rate_to_geometry() {
     let change = fine.1[1] / constant[1];
     assert!((0.8..1.25).contains(&change), "colour of one quality hardly depends on geometry: {change}");
 }
+
+/// The second half of a take comes after a pause, which costs nothing and counts.
+#[test]
+fn two_passes_count_the_time_of_pauses() {
+    let work = Workspace::with_figure(8);
+    for frame in (4..8).rev() {
+        let place = |number: usize| work.path(&format!("frames/frame_{number}.ply"));
+        std::fs::rename(place(frame), place(frame + 8)).unwrap();
+    }
+    let encode = ["encode", "frames", "-o", "take.isv", "--voxel=20mm", "--gop=4", "--metadata=never"];
+    work.isv(&[&encode[..], &["--bitrate=300k", "--passes=2"]].concat()).done();
+    let info = work.isv(&["info", "take.isv", "--json"]).json();
+    assert_eq!(info["duration_s"].as_f64().map(|seconds| (30.0 * seconds).round()), Some(16.0));
+    let rate = info["bitrate_mbps"].as_f64().unwrap();
+    assert!((rate / 0.3 - 1.0).abs() < 0.05, "{rate} Mbps");
+}

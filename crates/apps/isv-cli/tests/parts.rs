@@ -89,6 +89,14 @@ fn parts_of_a_stream_keep_its_times() {
         .done();
     work.isv(&["join", "a.isv", "b.isv", "-o", "take.isv"]).done();
     check(&work, "take.isv", &["0..3", "3..6", "6..9"], &[]);
+    // The same from a pipe, which cannot be read from its middle.
+    let part = |input, output| {
+        ["encode", input, "-o", output, "--voxel=30mm", "--gop=3", "--frames=6..9", "--time-origin=0"]
+    };
+    work.isv_with_input(&part("-", "piped.isv"), &work.read("take.isv")).done();
+    work.isv(&part("take.isv", "part.isv")).done();
+    let (piped, part) = (work.read("piped.isv"), work.read("part.isv"));
+    assert!(piped == part, "{} and {} bytes", piped.len(), part.len());
 }
 
 #[test]

@@ -10,6 +10,7 @@
 mod bricks;
 mod closest;
 pub(crate) mod cubes;
+mod distinct;
 mod eigen;
 mod ends;
 mod fit;

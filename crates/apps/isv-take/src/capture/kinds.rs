@@ -215,10 +215,8 @@ impl Kind {
             Self::Files(sequence, _) if *sequence.times() != FrameTimes::Even => Some(0),
             Self::Files(sequence, _) => scanned_ns(sequence.paths().get(frame)?),
             Self::Depth(depth) => depth.timestamp_ns(frame),
-            Self::Stream(..) => Some(0),
-            Self::Animation { .. } | Self::Volumes { .. } | Self::PipedStream(_) | Self::PipedGeometry(_) => {
-                None
-            }
+            Self::Stream(..) | Self::PipedStream(_) => Some(0),
+            Self::Animation { .. } | Self::Volumes { .. } | Self::PipedGeometry(_) => None,
         }
     }
 
@@ -295,7 +293,11 @@ impl Kind {
             }
             Self::PipedStream(frames) => {
                 let timeline = Timeline::new(frames.header().frame_rate);
-                Box::new(volumes_of(frames.limited_to(range), name, timeline))
+                let since_origin = volumes_of(frames.limited_to(time_origin..range.end), name, timeline);
+                let precedes = move |frame: &Result<CapturedFrame, FrameError>| {
+                    frame.as_ref().is_ok_and(|frame| frame.number < range.start)
+                };
+                Box::new(since_origin.skip_while(precedes))
             }
             Self::PipedGeometry(frames) => Box::new(frames.limited_to(range)),
         })

@@ -200,6 +200,10 @@ fn samples(
         Content::Geometry(Geometry::Mesh(mesh)) => {
             Ok(SampleFrame { name: frame.name, mesh: turn_faces(&mesh).into_owned() })
         }
+        // A file without anything says no more of what it could hold.
+        Content::Geometry(Geometry::Points(points)) if points.positions.is_empty() => {
+            Ok(SampleFrame { name: frame.name, mesh: TriangleMesh::default() })
+        }
         _ => Err(EncodeError::NoMesh { name: frame.name }),
     };
     let skips = options.skip_bad_frames && capture.frames_stand_alone();

@@ -285,7 +285,7 @@ pub(super) struct StreamSink<W: Write> {
     target: Option<RateTarget>,
     timestamps: Timestamps,
     pub(super) keeps_times: bool,
-    timeline: Timeline,
+    pub(super) timeline: Timeline,
     /// Number in the capture of the frame that the stream's time begins with.
     pub(super) first: usize,
     pub(super) frames: usize,

@@ -3,7 +3,7 @@
 use super::coding::Coding;
 use super::describe::MetadataDraft;
 use super::job::{StreamSink, pipeline};
-use super::{EncodeError, EncodeOptions};
+use super::{EncodeError, EncodeOptions, TimestampSource};
 use crate::capture::Capture;
 use crate::{Cancellation, Input, OpenDevice, Up};
 use isv_encode::{COARSEST_STEP, ColourShare, ColourSplit, EncoderSettings, FINEST_STEP, FrameQuality};
@@ -113,13 +113,19 @@ fn measure_rates(
     let skip_bad_frames = options.skip_bad_frames && capture.frames_stand_alone();
     let range = capture.range(options.frames)?;
     watch.begin(range.len());
-    let options = &EncodeOptions { measures_change: false, ..options.clone() };
+    // When a pass reads a frame says nothing of when the last one will.
+    let timestamps = match options.timestamps {
+        TimestampSource::Clock => TimestampSource::Rate,
+        other => other,
+    };
+    let options = &EncodeOptions { measures_change: false, timestamps, ..options.clone() };
+    let keeps_times = capture.keeps_times(header.frame_rate);
     let maker = options.volume_maker(header, OpenDevice::CPU, range.start, &silent);
     let coding = Coding::open(options, header, *steps, &OpenDevice::CPU, range.start, &silent)?;
     // Its bytes count. The axis takes a byte, whichever it is.
     let draft = MetadataDraft::new(options, header, Some(Up::Y.name().to_owned()), &maker.surface);
     let mut stream = StreamSink::new(ByteCount(0), header, steps.settings.main.target, options, draft)?;
-    stream.first = range.start;
+    (stream.first, stream.keeps_times) = (range.start, keeps_times);
     let mut colour = 0;
     for frame in pipeline(capture.read(range)?, maker, coding, options.takes_turns, &cancellation) {
         match frame.and_then(|frame| stream.write(frame, &*silent)) {
@@ -135,7 +141,7 @@ fn measure_rates(
     if stream.frames == 0 {
         return Err(EncodeError::NoFrames { name: input.name(), skipped: None });
     }
-    let seconds = stream.frames as f64 / header.frame_rate.per_second();
+    let seconds = stream.timeline.end_s();
     let all = stream.packets.finish()?.0;
     Ok([all - colour as u64, colour as u64].map(|bytes| bytes as f64 * 8.0 / seconds))
 }

@@ -2,6 +2,7 @@
 
 use crate::limits::{check_points_blocks, check_points_range};
 use crate::points::bricks::BRICK;
+use crate::points::distinct::Distinct;
 use crate::points::sign::{SPACING_NEIGHBOURS, spacing};
 use crate::points::surfels::WIDEST_SPACING;
 use crate::{IngestError, PointIngest};
@@ -26,8 +27,8 @@ impl PointSpacing {
     #[must_use]
     pub fn from_cloud(cloud: &PointCloud) -> Self {
         let positions: Vec<_> = cloud.positions.iter().copied().filter(|p| p.is_finite()).collect();
-        let count = positions.len().min(SAMPLES);
-        let tree = PointTree::new(positions);
+        let tree = PointTree::new(Distinct::new(&positions).positions.into_owned());
+        let count = tree.points().len().min(SAMPLES);
         let points = tree.points();
         let mut spacings: Vec<f64> = (0..count)
             .into_par_iter()

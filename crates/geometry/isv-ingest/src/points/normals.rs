@@ -1,6 +1,7 @@
 //! Normals of points that came without.
 
 use crate::IngestError;
+use crate::points::distinct::Distinct;
 use crate::points::eigen::eigen;
 use crate::points::orient::{NEIGHBOURS, Neighbours, NormalSides, SideEvidence, orient};
 use crate::points::sign::{SPACING_NEIGHBOURS, spacing};
@@ -36,8 +37,8 @@ pub fn estimate_normals(cloud: &PointCloud) -> Result<PointCloud, IngestError> {
 /// metres, if the points look as if they had been scanned from there. Such points are as far apart as a
 /// scanner's rays, and one behind the other along few of them. Else each connected part is given the signs
 /// that differ least between neighbours (a minimum spanning tree, Hoppe et al. 1992). The whole of it is
-/// turned such that its outermost points look outward. Normals that the cloud has are not used. The result is
-/// the same for any number of threads.
+/// turned such that its outermost points look outward. Normals that the cloud has are not used. Points in one
+/// place count as one. The result is the same for any number of threads.
 ///
 /// # Errors
 /// [`IngestError::Points`] if the cloud is not valid.
@@ -46,12 +47,13 @@ pub fn estimate_normals_seen_from(
     guess: Option<DVec3>,
 ) -> Result<(PointCloud, SideEvidence), IngestError> {
     cloud.validate()?;
-    let tree = PointTree::new(cloud.positions.clone());
-    let planes: Vec<(DVec3, Neighbours)> = cloud
-        .positions
+    let distinct = Distinct::new(&cloud.positions);
+    let positions = &distinct.positions[..];
+    let tree = PointTree::new(positions.to_vec());
+    let planes: Vec<(DVec3, Neighbours)> = positions
         .par_iter()
         .map_init(Vec::new, |found, p| {
-            let normal = plane_normal(cloud, &tree, *p, found);
+            let normal = plane_normal(positions, &tree, *p, found);
             let mut neighbours = [None; NEIGHBOURS];
             for (slot, neighbour) in neighbours.iter_mut().zip(found.iter()) {
                 *slot = Some(neighbour.index);
@@ -60,16 +62,19 @@ pub fn estimate_normals_seen_from(
         })
         .collect();
     let (mut normals, neighbours): (Vec<DVec3>, Vec<Neighbours>) = planes.into_iter().unzip();
-    let mut views: Vec<Option<DVec3>> = cloud.viewpoints().collect();
+    let of_points: Vec<Option<DVec3>> = cloud.viewpoints().collect();
+    let mut views: Vec<Option<DVec3>> =
+        (0..positions.len()).map(|position| of_points[distinct.first(position)]).collect();
     let mut basis =
         if views.iter().any(Option::is_some) { NormalSides::Viewpoint } else { NormalSides::Outward };
     if basis == NormalSides::Outward
-        && let Some(place) = guess.filter(|place| looks_scanned_from(*place, &cloud.positions, &tree))
+        && let Some(place) = guess.filter(|place| looks_scanned_from(*place, positions, &tree))
     {
         basis = NormalSides::Guessed(place);
         views.fill(Some(place));
     }
-    let evidence = orient(&cloud.positions, &neighbours, &views, &mut normals);
+    let evidence = orient(positions, &neighbours, &views, &mut normals);
+    let normals = (0..cloud.positions.len()).map(|point| normals[distinct.of_point(point)]).collect();
     let (positions, colours) = (cloud.positions.clone(), cloud.colours.clone());
     let cloud = PointCloud { normals, positions, colours, ..cloud.without_points() };
     Ok((cloud, SideEvidence { basis, ..evidence }))
@@ -134,11 +139,11 @@ fn looks_scanned_from(place: DVec3, positions: &[DVec3], tree: &PointTree) -> bo
 
 /// The normal of the plane through the neighbours of a point, of either sign; zero if there is none. Leaves the neighbours
 /// in `found`.
-fn plane_normal(cloud: &PointCloud, tree: &PointTree, p: DVec3, found: &mut Vec<Neighbour>) -> DVec3 {
+fn plane_normal(positions: &[DVec3], tree: &PointTree, p: DVec3, found: &mut Vec<Neighbour>) -> DVec3 {
     let mut count = FEWEST;
     loop {
         tree.k_nearest(p, count, found);
-        let points = found.iter().map(|n| cloud.positions[n.index as usize] - p);
+        let points = found.iter().map(|n| positions[n.index as usize] - p);
         let [_, (middle, _), (largest, _)] = principal_axes(points.clone());
         if middle > LINE * LINE * largest {
             return principal_axes(points)[0].1;

@@ -1,9 +1,10 @@
 //! Whether the normals of a point cloud can tell inside from outside.
 
+use super::distinct::Distinct;
 use super::orient::CREASE;
 use crate::SignMode;
 use glam::DVec3;
-use isv_spatial::PointTree;
+use isv_spatial::{Neighbour, PointTree};
 use isv_volume::PointCloud;
 use rayon::prelude::*;
 use std::fmt;
@@ -97,7 +98,9 @@ fn gather_evidence(cloud: &PointCloud) -> PointEvidence {
     if finite.is_empty() {
         return PointEvidence::default();
     }
-    let tree = PointTree::new(finite.iter().map(|i| cloud.positions[*i]).collect());
+    let positions: Vec<DVec3> = finite.iter().map(|i| cloud.positions[*i]).collect();
+    let distinct = Distinct::new(&positions);
+    let tree = PointTree::new(distinct.positions.to_vec());
     let count = finite.len().min(SAMPLES);
     let looks: Vec<(usize, usize, f64)> = (0..count)
         .into_par_iter()
@@ -105,8 +108,9 @@ fn gather_evidence(cloud: &PointCloud) -> PointEvidence {
             let own = sample * finite.len() / count;
             tree.k_nearest(cloud.positions[finite[own]], SPACING_NEIGHBOURS + 1, found);
             let spacing = spacing(found);
-            found.retain(|n| n.index as usize != own);
-            let others = found.iter().take(COMPARED).filter_map(|n| known(finite[n.index as usize]));
+            found.retain(|n| n.index as usize != distinct.of_point(own));
+            let normal_at = |n: &Neighbour| known(finite[distinct.first(n.index as usize)]);
+            let others = found.iter().take(COMPARED).filter_map(normal_at);
             let (mut compared, mut agreeing) = (0, 0);
             if let Some(normal) = known(finite[own]) {
                 // Neighbours across a crease tell nothing.
@@ -132,7 +136,7 @@ fn gather_evidence(cloud: &PointCloud) -> PointEvidence {
 
 /// Edge of the square that a point has for itself, from its neighbours, the first of which is itself. That
 /// many points lie on the disc up to the last one.
-pub(crate) fn spacing(found: &[isv_spatial::Neighbour]) -> f64 {
+pub(crate) fn spacing(found: &[Neighbour]) -> f64 {
     let others = found.len().saturating_sub(1).max(1);
     found.last().map_or(0.0, |last| (std::f64::consts::PI * last.distance_sq / others as f64).sqrt())
 }

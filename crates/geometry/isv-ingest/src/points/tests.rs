@@ -339,3 +339,27 @@ fn right_angles_do_not_make_normals_contradict_each_other() {
     cloud.normals.iter_mut().step_by(10).for_each(|normal| *normal = -*normal);
     assert_eq!(decide_point_sign(&cloud, SignMode::Auto).0, PointSign::Offset);
 }
+
+#[test]
+fn points_that_are_there_many_times_count_once() {
+    let mut cloud = sphere();
+    cloud.normals.clear();
+    let once = estimate_normals(&cloud).unwrap();
+    let spacing = crate::PointSpacing::from_cloud(&cloud);
+    // As several scans that were put together may have them.
+    cloud.positions = (0..12).flat_map(|_| cloud.positions.clone()).collect();
+    assert_eq!(crate::PointSpacing::from_cloud(&cloud), spacing);
+    let repeated = estimate_normals(&cloud).unwrap();
+    for (own, normal) in repeated.normals.iter().enumerate() {
+        assert_eq!(*normal, once.normals[own % once.normals.len()]);
+    }
+    let (sign, evidence) = decide_point_sign(&repeated, SignMode::Auto);
+    assert_eq!(sign, PointSign::Oriented, "{evidence}");
+    // It looks at other points.
+    let ratio = evidence.spacing_m / decide_point_sign(&once, SignMode::Auto).1.spacing_m;
+    assert!((0.95..1.05).contains(&ratio), "{ratio}");
+    // Both sides in one place tell none.
+    let mut both = PointCloud { positions: [&once.positions[..]; 2].concat(), ..once.clone() };
+    both.normals = once.normals.iter().copied().chain(once.normals.iter().map(|n| -*n)).collect();
+    assert_eq!(decide_point_sign(&both, SignMode::Auto).0, PointSign::Offset);
+}
