@@ -106,6 +106,44 @@ fn a_rate_is_kept_through_a_cut() {
     }
 }
 
+/// What has gone before a pause is as good as what comes after it: an empty stage, or a person who stands still.
+#[test]
+fn a_pause_costs_what_comes_after_it_nothing() {
+    const PAUSE: usize = 45;
+    let moving = rolling(60);
+    let empty = SparseVolume::empty(main_header().grid);
+    let main = MainSettings { quality: FrameQuality::of_step(2.0), ..MainSettings::default() };
+    let plain = encode(settings(main), &moving);
+    for pause in [&empty, &moving[14]] {
+        let paused = moving[..15].iter().chain(std::iter::repeat_n(pause, PAUSE)).chain(&moving[15..]);
+        let paused = encode(settings(main), paused);
+        // The next keyframe but one begins where another would have.
+        let [after, before] = [&paused[PAUSE + 30..], &plain[30..]];
+        let bytes = |frames: &[(usize, f64, bool)]| frames.iter().map(|f| f.0).sum::<usize>() as f64;
+        let keyframes = |frames: &[(usize, f64, bool)]| frames.iter().filter(|f| f.2).count();
+        assert!(bytes(after) < 1.1 * bytes(before), "{} and {}", bytes(after), bytes(before));
+        assert!(keyframes(after) <= 2, "{after:?}");
+        let first = paused[PAUSE + 15].0 as f64;
+        assert!(first < 1.6 * plain[0].0 as f64, "{first} and {}", plain[0].0);
+    }
+}
+
+#[test]
+fn empty_frames_say_nothing_of_steps() {
+    let empty = SparseVolume::empty(main_header().grid);
+    let moving = rolling(60);
+    let target = RateTarget::Bitrate(Bitrate::new(100e3, FPS));
+    let of_mean =
+        |frames: &[(usize, f64, bool)]| frames.iter().map(|f| f.1).sum::<f64>() / frames.len() as f64;
+    let target = MainSettings { target, ..MainSettings::default() };
+    let plain = encode(settings(target), &moving);
+    let begun = encode(settings(target), std::iter::repeat_n(&empty, 3).chain(&moving));
+    let (first, usual) = (begun[3].0 as f64, plain[0].0 as f64);
+    assert!(first < 1.5 * usual, "{first} and {usual} bytes");
+    let (error, usual) = (of_mean(&begun[13..]), of_mean(&plain[10..]));
+    assert!(error < 1.2 * usual, "{error} and {usual} voxels");
+}
+
 #[test]
 fn no_frame_exceeds_the_error_asked_for() {
     let volumes = rolling(20);

@@ -25,6 +25,9 @@ pub(crate) struct LevelCosts {
     seen_places: [f32; COEFFICIENTS],
     seen_magnitudes: [f32; MAGNITUDES],
     seen_counts: [f32; COUNTS],
+    /// Blocks and levels of this frame.
+    blocks: usize,
+    levels: usize,
     since_refresh: u32,
     /// Position in the block of each place.
     scan: [u16; COEFFICIENTS],
@@ -49,6 +52,8 @@ impl LevelCosts {
             seen_places: std::array::from_fn(|k| 20.0 * (-(k as f32) / 25.0).exp() + 0.05),
             seen_magnitudes: std::array::from_fn(|m| 20.0 * 0.3f32.powi(m as i32) + 0.01),
             seen_counts: std::array::from_fn(|n| 10.0 * 0.8f32.powi(n as i32) + 0.01),
+            blocks: 0,
+            levels: 0,
             since_refresh: 0,
             scan: scan.try_into().expect("a position for each place"),
             least_at: [f32::INFINITY; 512],
@@ -111,30 +116,34 @@ impl LevelCosts {
             self.seen_magnitudes[(level.value.unsigned_abs() as usize).min(MAGNITUDES) - 1] += 1.0;
         }
         self.seen_counts[levels.len().min(COUNTS - 1)] += 1.0;
+        self.blocks += 1;
+        self.levels += levels.len();
         self.since_refresh += 1;
         if self.since_refresh == REFRESH {
             self.refresh();
         }
     }
 
-    /// Gives the next frame's statistics more weight than this one's.
+    /// Gives the next frame's statistics more weight than this one's. What a frame says nothing of stays as it is: a scene may stand
+    /// still for minutes.
     pub(crate) fn age(&mut self) {
-        self.seen_places.iter_mut().for_each(|seen| *seen = *seen * DECAY + 0.01);
-        self.seen_magnitudes.iter_mut().for_each(|seen| *seen *= DECAY);
-        self.seen_counts.iter_mut().for_each(|seen| *seen *= DECAY);
+        if self.levels > 0 {
+            self.seen_places.iter_mut().for_each(|seen| *seen = *seen * DECAY + 0.01);
+            self.seen_magnitudes.iter_mut().for_each(|seen| *seen *= DECAY);
+        }
+        if self.blocks > 0 {
+            self.seen_counts.iter_mut().for_each(|seen| *seen *= DECAY);
+        }
+        (self.blocks, self.levels) = (0, 0);
         self.refresh();
     }
 
     fn refresh(&mut self) {
         self.since_refresh = 0;
-        let bits = |seen: f32, total: f32| -(seen / total).log2();
-        let total: f32 = self.seen_places.iter().sum();
         self.place =
-            self.seen_places.map(|seen| (bits(seen, total) - ORDER_BITS).max(LEAST_PLACE_BITS) + SIGN_BITS);
-        let total: f32 = self.seen_magnitudes.iter().sum();
-        self.magnitude = self.seen_magnitudes.map(|seen| bits(seen + 1e-3, total));
-        let total: f32 = self.seen_counts.iter().sum();
-        self.count = self.seen_counts.map(|seen| bits(seen + 0.02, total));
+            bits(&self.seen_places, 0.0).map(|bits| (bits - ORDER_BITS).max(LEAST_PLACE_BITS) + SIGN_BITS);
+        self.magnitude = bits(&self.seen_magnitudes, 1e-3);
+        self.count = bits(&self.seen_counts, 0.02);
         self.summarize();
     }
 
@@ -147,5 +156,37 @@ impl LevelCosts {
         for (position, bits) in self.scan.iter().zip(&self.place) {
             self.least_at[usize::from(*position)] = bits + self.least_magnitude;
         }
+    }
+}
+
+/// Bits of each of some cases by how often they were seen. `floor`: what each counts more than that. Never below 0: a negative cost
+/// would be earned by coding what is not there.
+fn bits<const N: usize>(seen: &[f32; N], floor: f32) -> [f32; N] {
+    let total: f32 = seen.iter().sum();
+    seen.map(|seen| -((seen + floor) / total).log2().min(0.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn costs_stay_what_they_are_while_nothing_is_coded() {
+        let mut costs = LevelCosts::new(&std::array::from_fn::<u16, COEFFICIENTS, _>(|place| place as u16));
+        for _ in 0..40 {
+            costs.learn(&[Level { place: 3, value: -2 }]);
+        }
+        costs.age();
+        let (place, magnitude, count) = (costs.place, costs.magnitude, costs.count);
+        // Frames without a block, and frames whose blocks have no levels.
+        (0..100).for_each(|_| costs.age());
+        assert!(costs.place == place && costs.magnitude == magnitude && costs.count == count);
+        for _ in 0..100 {
+            costs.learn(&[]);
+            costs.age();
+        }
+        assert!(costs.place == place && costs.magnitude == magnitude);
+        assert!(costs.count.iter().all(|bits| *bits >= 0.0) && costs.count[0] < 1.0);
+        assert!(costs.least_first() > 0.0, "{}", costs.least_first());
     }
 }

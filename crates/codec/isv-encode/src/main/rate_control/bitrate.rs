@@ -76,8 +76,10 @@ pub(crate) struct BitrateControl {
     bits_at_one: [f64; 2],
     /// Whether `a` of each kind was learnt.
     known: [bool; 2],
-    /// Geometry of the last frame.
+    /// Geometry of the last frame that had blocks. Others say nothing of steps.
     last: Option<Attempt>,
+    /// Whether the last frame had no blocks.
+    was_empty: bool,
     /// Mean bits that were wanted of a frame when it was coded.
     wanted: f64,
     colour: ColourModel,
@@ -94,6 +96,7 @@ impl BitrateControl {
             bits_at_one: BITS_AT_ONE,
             known: [false; 2],
             last: None,
+            was_empty: false,
             wanted: target.frame_bits(),
             colour: ColourModel::new(target.colour),
         }
@@ -122,7 +125,7 @@ impl BitrateControl {
             let coarser = finer_by(of_frame / (AIM * room).max(1.0)).max(1.1 * step);
             return Some(coarser.min(COARSEST_STEP));
         }
-        if self.known[kind] || before.len() >= SURPRISES {
+        if self.known[kind] || before.len() >= SURPRISES || frame.blocks == 0 {
             return None;
         }
         // Now that a frame of the kind is known, the model has another step for it.
@@ -135,14 +138,17 @@ impl BitrateControl {
     }
 
     pub(super) fn learn(&mut self, attempt: &Attempt) {
-        self.wanted = self.wanted_mean(attempt.frame);
-        self.learn_bits(attempt);
+        self.was_empty = attempt.frame.blocks == 0;
+        if !self.was_empty {
+            self.wanted = self.wanted_mean(attempt.frame);
+            self.learn_bits(attempt);
+            self.last = Some(*attempt);
+        }
         self.since_keyframe = if attempt.frame.keyframe { 1 } else { self.since_keyframe + 1 };
         self.level = self.leaked() + attempt.bits;
         // What a simple scene saves is not all for later.
         let spent = attempt.bits - self.target.frame_bits();
         self.balance = (self.balance + spent).max(-self.target.capacity());
-        self.last = Some(*attempt);
     }
 
     /// Bits in the bucket when the next frame comes.
@@ -171,7 +177,7 @@ impl BitrateControl {
         if attempt.bits > room {
             return self.colour.coarser(attempt, AIM * room);
         }
-        if before.len() >= SURPRISES || !self.colour.is_surprised_by(frame, attempt) {
+        if before.len() >= SURPRISES || self.was_empty || !self.colour.is_surprised_by(frame, attempt) {
             return None;
         }
         // Now that colour of the kind is known, the model has another step for the frame: what its geometry should have had.
@@ -184,7 +190,9 @@ impl BitrateControl {
 
     /// Learns from the colour that goes into the stream.
     pub(super) fn learn_colour(&mut self, attempt: &ColourAttempt) {
-        let Some(Attempt { frame, step, .. }) = self.last else { return };
+        let Some(Attempt { frame, step, .. }) = self.last.filter(|_| !self.was_empty) else {
+            return self.spend(attempt.bits);
+        };
         self.colour.learn(FrameFacts { keyframe: attempt.intra, ..frame }, attempt);
         if self.known == [true; 2] && self.colour.is_known() {
             let of_kind = |keyframe| FrameFacts { keyframe, ..frame };
@@ -205,8 +213,7 @@ impl BitrateControl {
 
     fn learn_bits(&mut self, attempt: &Attempt) {
         let kind = usize::from(!attempt.frame.keyframe);
-        let measured =
-            attempt.bits / (attempt.frame.blocks.max(1) as f64 * attempt.step.powf(-EXPONENTS[kind]));
+        let measured = attempt.bits / (attempt.frame.blocks as f64 * attempt.step.powf(-EXPONENTS[kind]));
         let weight = if self.known[kind] { LEARNING[kind] } else { 1.0 };
         let learnt = self.bits_at_one[kind].ln() * (1.0 - weight) + measured.ln() * weight;
         self.bits_at_one[kind] = learnt.exp();
