@@ -88,10 +88,6 @@ impl Reader {
         self.reader.with(py, |reader| reader.voxel_m())
     }
 
-    fn rewind(&self, py: Python<'_>) -> PyResult<()> {
-        self.reader.with(py, isv::Reader::rewind)?.map_err(|error| self.raised.or(py, error))
-    }
-
     /// Reads what is behind the last frame: where the index is not sound, there may be damage.
     fn read_end(&self, py: Python<'_>) -> PyResult<()> {
         let read = self.reader.with(py, |reader| {
@@ -115,6 +111,16 @@ impl Reader {
     }
 
     fn frame(&self, py: Python<'_>, number: usize) -> PyResult<Frame> {
+        let why = match self.frame_from(py, number)? {
+            Some(frame) if frame.number() == number => return Ok(frame),
+            Some(_) => format!("frame {number} is lost, and no frame before it is there"),
+            None => format!("ends before frame {number}"),
+        };
+        Err(errors::with_kind(py, "stream", why))
+    }
+
+    /// The first frame with a number, or a larger one where frames before it are lost; `None` behind the last one.
+    fn frame_from(&self, py: Python<'_>, number: usize) -> PyResult<Option<Frame>> {
         // One frame at a time, so that a signal ends a long way.
         loop {
             let frame = self.reader.with(py, |reader| {
@@ -124,9 +130,8 @@ impl Reader {
             self.events.log(py)?;
             py.check_signals()?;
             match frame.map_err(|error| self.raised.or(py, error))? {
-                Some(frame) if frame.number() >= number => return Ok(Frame(frame)),
-                Some(_) => {}
-                None => return Err(errors::with_kind(py, "stream", format!("ends before frame {number}"))),
+                Some(frame) if frame.number() < number => {}
+                frame => return Ok(frame.map(Frame)),
             }
         }
     }
@@ -147,6 +152,10 @@ impl Reader {
         };
         let events = jobs::Events::default();
         let reader = py.detach(open).map_err(|error| raised.or(py, error))?;
+        // The library can do without an index. What a file raised while it was looked for is no less an error.
+        if let Some(error) = raised.take() {
+            return Err(error);
+        }
         let reader = reader.lod(lod).after_loss(if holds { AfterLoss::Hold } else { AfterLoss::Stop });
         let reader = reader.on_event(events.handler());
         let reader = if colour { reader } else { reader.without_colour() };

@@ -336,6 +336,37 @@ def test_what_is_lost_is_held_if_that_is_asked_for(stream: Path, caplog: pytest.
     take = isv.open(data, after_loss="hold")
     for number in (11, 3, 7):
         assert (take[number].mesh().vertices == frames[number].mesh().vertices).all()
+    # Other frames may be asked for on the way.
+    numbers = []
+    for frame in take:
+        assert take[0].number == 0
+        numbers.append(frame.number)
+    assert numbers == list(range(12))
+
+
+def test_held_frames_are_there_by_number_behind_those_that_are_counted(stream: Path) -> None:
+    data = stream.read_bytes()
+    starts = [at for at in range(len(data)) if data[at : at + 4] == b"ISVP"]
+    # A frame in the middle is gone, and with it the index and the end.
+    cut = data[: starts[4]] + data[starts[5] : starts[-1]]
+    take = isv.open(cut, after_loss="hold")
+    numbers = [frame.number for frame in take]
+    assert len(numbers) > len(take) and numbers == list(range(len(numbers)))
+    assert take[numbers[-1]].number == numbers[-1]
+    for wrong in (len(numbers), 2**70):
+        with pytest.raises(IndexError):
+            take[wrong]
+
+
+def test_what_a_file_raises_while_it_is_opened_is_raised(stream: Path) -> None:
+    class Failing(io.BytesIO):
+        def seek(self, at: int, whence: int = 0) -> int:
+            if whence == 2:
+                raise OSError("the end is far away")
+            return super().seek(at, whence)
+
+    with pytest.raises(OSError, match="far away"):
+        isv.open(Failing(stream.read_bytes()))
 
 
 def test_decisions_are_logged(caplog: pytest.LogCaptureFixture) -> None:

@@ -53,7 +53,7 @@ def show(target: bpy.types.Object, scene: bpy.types.Scene) -> None:
     try:
         _show(target, scene, properties)
         problem = ""
-    except (OSError, RuntimeError, ValueError) as error:
+    except (LookupError, OSError, RuntimeError, ValueError) as error:
         problem = str(error)
     if properties.problem != problem:
         properties.problem = problem
@@ -78,6 +78,9 @@ def _show(target: bpy.types.Object, scene: bpy.types.Scene, properties: Any) -> 
         reverse=properties.reverse,
         extend=properties.extend,
     )
+    if end < 0:
+        # A take without frames is nothing to show.
+        number = None
     wanted = f"{path}\n{lod}\n{number}"
     mesh = target.data
     if mesh.get(SHOWN) == wanted:

@@ -249,7 +249,7 @@ class Take:
         return self._native.frames is None
 
     def __len__(self) -> int:
-        """Number of frames.
+        """Number of frames. Those that are lost do not count, also where the last one is held in their place.
 
         Raises:
             TypeError: The stream is live.
@@ -275,9 +275,14 @@ class Take:
         if isinstance(number, slice):
             return [self[frame] for frame in range(*number.indices(frames))]
         asked = operator.index(number)
-        if not -frames <= asked < frames:
+        if -frames <= asked < frames:
+            return Frame(self._native.frame(asked % frames))
+        # Frames that are held in place of lost ones are not among those that are counted.
+        holds = self._settings[1]
+        held = self._native.frame_from(asked) if holds and 0 <= asked < 2**32 else None
+        if held is None or held.number != asked:
             raise IndexError(f"frame {asked} asked for, but there are {frames}")
-        return Frame(self._native.frame(asked % frames))
+        return Frame(held)
 
     def __iter__(self) -> Iterator[Frame]:
         """Decode all frames in order; of a live stream those that come from now on.
@@ -291,9 +296,9 @@ class Take:
                 yield Frame(self._native.frame(number))
             self._native.read_end()
             return
-        if not self.live:
-            self._native.rewind()
-        while (frame := self._native.next_frame()) is not None:
+        number = 0
+        while (frame := self._native.next_frame() if self.live else self._native.frame_from(number)) is not None:
+            number = frame.number + 1
             yield Frame(frame)
 
     def close(self) -> None:

@@ -146,10 +146,12 @@ fn set(reader: *mut isv_reader, edit: impl FnOnce(Reader) -> Reader) -> Outcome 
     let (next, is_running) = (state.next, state.has_begun && !state.is_over);
     let reader = state.reader()?;
     // At the end there is no frame to go to, and the end comes again.
-    if is_running && reader.frames().is_none_or(|frames| next < frames) {
-        reader.seek(next)?;
+    let is_counted = reader.frames().is_none_or(|frames| next < frames);
+    match is_running.then(|| reader.seek(next)) {
+        // Behind the frames that are counted there may be some that are held in place of lost ones.
+        Some(Err(error)) if is_counted => Err(error.into()),
+        _ => Ok(()),
     }
-    Ok(())
 }
 
 /// Sets the level of detail: 1 for all voxels, 2 for half and 4 for a quarter of the resolution [default: 1].

@@ -12,6 +12,7 @@ use isv_take::stream::{
     StreamFrames,
 };
 use isv_take::{Device, FrameRange, Input, MemoryLimit, OpenDevice};
+use std::cmp::Ordering;
 use std::io::{Read, Seek};
 use std::path::Path;
 use std::sync::Arc;
@@ -54,15 +55,19 @@ struct Running {
 }
 
 impl Reader {
-    /// Opens a stream in a file.
+    /// Opens a stream in a file. A pipe with a name is read as [`Self::from_read`] reads bytes.
     ///
     /// # Errors
     /// [`ErrorKind::Input`] for a file that cannot be read, [`ErrorKind::Stream`] for one that is no stream.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
         let input = Input::from(path);
+        let name = input.name();
+        if input.path().is_some_and(|path| path.exists() && !path.is_file() && !path.is_dir()) {
+            // The header of a pipe cannot be read before its frames.
+            return Ok(Self::with_source(name, Source::Once(Some(stream::source(&input)?))));
+        }
         let (_, header) = stream::open(&input, MemoryLimit::default())?;
         let index = stream::load_index(&input).ok();
-        let name = input.name();
         Ok(Self { header: Some(header), index, ..Self::with_source(name, Source::File(input)) })
     }
 
@@ -178,7 +183,8 @@ impl Reader {
         })
     }
 
-    /// Number of frames, unless bytes come once.
+    /// Number of frames, unless bytes come once. Frames that are lost do not count, also where [`Self::after_loss`] shows the last one
+    /// in their place.
     #[must_use]
     pub fn frames(&self) -> Option<usize> {
         self.index.as_ref().map(|index| index.frames.len())
@@ -259,8 +265,14 @@ impl Reader {
     pub fn frame(&mut self, number: usize) -> Result<Frame, Error> {
         self.approach(number)?;
         while let Some(frame) = self.next_frame()? {
-            if frame.number() >= number {
-                return Ok(frame);
+            match frame.number().cmp(&number) {
+                Ordering::Less => {}
+                Ordering::Equal => return Ok(frame),
+                Ordering::Greater => {
+                    let why =
+                        format!("{}: frame {number} is lost, and no frame before it is there", self.name);
+                    return Err(Error::new(ErrorKind::Stream, why));
+                }
             }
         }
         Err(Error::new(ErrorKind::Stream, format!("{}: ends before frame {number}", self.name)))
@@ -269,7 +281,8 @@ impl Reader {
     fn check_frame(&self, frame: usize) -> Result<(), Error> {
         self.check_seekable()?;
         match self.frames() {
-            Some(frames) if frame >= frames => {
+            // Frames that are held in place of lost ones count too, and are not in the index.
+            Some(frames) if frame >= frames && self.after_loss == AfterLoss::Stop => {
                 let why = format!("{}: frame {frame} asked for, but there are {frames}", self.name);
                 Err(Error::new(ErrorKind::Options, why))
             }

@@ -342,6 +342,26 @@ fn a_frame_that_cannot_be_used_costs_itself_alone() {
     assert!(triangles[0] > 0 && triangles[1] == 0 && triangles[2] > 0);
 }
 
+/// The first frame decides on colour and on when time begins, but not where it is refused.
+#[test]
+fn a_first_frame_that_cannot_be_used_decides_nothing() {
+    let mut writer = Writer::new(Vec::new(), &EncodeOptions::new().gop(2)).unwrap();
+    assert_eq!(
+        kind(writer.push_mesh(&Mesh { triangles: vec![[0, 1, 99]], ..cuboid(0.0, 0.5) })),
+        ErrorKind::Frame
+    );
+    let painted = Mesh { colours: vec![[200, 30, 30]; 8], ..cuboid(0.0, 0.5) };
+    writer.push_mesh(&painted).unwrap();
+    assert!(writer.push_mesh(&cuboid(f32::NAN, 0.5)).is_err());
+    writer.push_mesh(&painted).unwrap();
+    let (bytes, report) = writer.into_inner().unwrap();
+    assert_eq!(report.voxel.metres(), 0.005);
+    let frames: Vec<_> = reader(&bytes).map(Result::unwrap).collect();
+    let times: Vec<u128> = frames.iter().map(|frame| frame.timestamp().as_millis()).collect();
+    assert_eq!(times, [0, 33]);
+    assert!(frames.iter().all(|frame| !frame.mesh().unwrap().colours.is_empty()));
+}
+
 #[test]
 fn a_stream_without_a_frame_is_a_stream() {
     let (bytes, report) = Writer::new(Vec::new(), &options()).unwrap().into_inner().unwrap();
@@ -559,6 +579,32 @@ fn losses_are_told_or_concealed() {
     assert_eq!(concealing.map(Result::unwrap).count(), 8);
     let heard = heard.lock().unwrap();
     assert!(heard.iter().any(|(text, is_warning)| *is_warning && text.contains("lost")), "{heard:?}");
+}
+
+/// Frames that are held in place of lost ones are found by their numbers, also where the index does not have them.
+#[test]
+fn held_frames_can_be_sought() {
+    let whole = stream(&options().gop(3), 9);
+    let index = isv::raw::format::StreamIndex::load(&mut Cursor::new(&whole[..])).unwrap();
+    let at = |frame: usize| index.frames[frame].at as usize;
+    // Frame 4 is gone, and with it the index and the end.
+    let cut = [&whole[..at(4)], &whole[at(5)..at(8) + 10]].concat();
+    let open = || Reader::from_bytes("cut", cut.clone()).unwrap().after_loss(AfterLoss::Hold);
+    let linear: Vec<usize> = open().map(|frame| frame.unwrap().number()).collect();
+    assert_eq!(linear[..8], [0, 1, 2, 3, 4, 5, 6, 7]);
+    for number in [7, 2, 4, 6] {
+        let mut seeking = open();
+        assert_eq!(seeking.frame(number).unwrap().number(), number);
+        seeking.seek(number).unwrap();
+        assert_eq!(seeking.next_frame().unwrap().unwrap().number(), number);
+    }
+    assert_eq!(kind(open().frame(100)), ErrorKind::Stream);
+    // Before the first keyframe there is nothing to hold.
+    let headless = [&whole[..at(0)], &whole[at(1)..]].concat();
+    let mut headless = Reader::from_bytes("headless", headless).unwrap().after_loss(AfterLoss::Hold);
+    let error = headless.frame(1).unwrap_err();
+    assert!(error.to_string().contains("frame 1 is lost"), "{error}");
+    assert_eq!(headless.frame(3).unwrap().number(), 3);
 }
 
 /// Writes meshes as OBJ files, in centimetres.

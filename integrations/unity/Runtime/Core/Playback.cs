@@ -9,7 +9,7 @@ namespace Isv
     {
         private readonly Reader reader;
         private readonly bool loops;
-        private readonly double duration;
+        private readonly double frameSeconds;
         private readonly Thread thread;
         private readonly object gate = new object();
 
@@ -37,7 +37,7 @@ namespace Isv
             }
             this.reader = reader;
             this.loops = loops;
-            duration = reader.FrameCount > 0 ? reader.FrameCount / reader.Fps : 0;
+            frameSeconds = reader.Fps > 0 ? 1 / reader.Fps : 0;
             for (int i = 0; i <= ahead; i++)
             {
                 free.Push(new FrameArrays());
@@ -107,7 +107,11 @@ namespace Isv
 
         private void Decode()
         {
+            // Where the frames of this round begin, when its first frame was taken, and the time right behind its last one. Frames are
+            // stamped from any start on, and pauses between them count.
             double start = 0;
+            double first = 0;
+            double end = 0;
             try
             {
                 long decoded = 0;
@@ -123,20 +127,22 @@ namespace Isv
                     {
                         if (isThere)
                         {
-                            decoded++;
-                            arrays.Seconds += start;
+                            first = decoded++ == 0 ? arrays.Seconds : first;
+                            arrays.Seconds += start - first;
+                            end = arrays.Seconds + frameSeconds;
                             ready.Enqueue(arrays);
                             continue;
                         }
                         free.Push(arrays);
                         // A stream without a frame or a length would loop on the spot.
-                        if (!loops || decoded == 0 || duration <= 0)
+                        if (!loops || decoded == 0 || end <= start)
                         {
                             hasEnded = true;
                             return;
                         }
                     }
-                    start += duration;
+                    start = end;
+                    decoded = 0;
                     reader.Seek(0);
                 }
             }

@@ -10,7 +10,8 @@ use super::{
 };
 use crate::capture::{CapturedFrame, Content};
 use crate::{Observer, OpenDevice};
-use isv_format::PacketWriter;
+use isv_encode::EncoderSettings;
+use isv_format::{PacketWriter, StreamHeader};
 use isv_volume::{ColourView, SparseVolume};
 use std::io::Write;
 use std::sync::Arc;
@@ -22,8 +23,6 @@ pub struct FrameEncoder<W: Write> {
     device: OpenDevice,
     observer: Arc<dyn Observer>,
     stage: Stage<W>,
-    /// Frames pushed so far.
-    pushed: usize,
 }
 
 enum Stage<W: Write> {
@@ -31,7 +30,7 @@ enum Stage<W: Write> {
     Waiting(W),
     /// The header is written.
     Running(Box<Running<W>>),
-    /// The sink failed: nothing can follow.
+    /// The sink or the device failed: nothing can follow.
     Failed,
 }
 
@@ -39,6 +38,15 @@ struct Running<W: Write> {
     maker: VolumeMaker,
     coding: Coding,
     stream: StreamSink<W>,
+}
+
+/// What the first frame decides.
+struct Decided {
+    header: StreamHeader,
+    settings: EncoderSettings,
+    maker: VolumeMaker,
+    coding: Coding,
+    up: Option<String>,
 }
 
 impl<W: Write> FrameEncoder<W> {
@@ -60,11 +68,11 @@ impl<W: Write> FrameEncoder<W> {
             return Err(OptionsError::NeedsTake(OptionName::Passes));
         }
         let (options, observer) = (options.clone(), Arc::clone(observer));
-        Ok(Self { options, device, observer, stage: Stage::Waiting(sink), pushed: 0 })
+        Ok(Self { options, device, observer, stage: Stage::Waiting(sink) })
     }
 
     /// Encodes the next frame. `timestamp_ns`: when it was taken, in nanoseconds from any start; without it, frames come at the
-    /// frame rate. Later frames may follow one that was refused.
+    /// frame rate. A frame that is refused has no effect, and others may follow it.
     ///
     /// # Errors
     /// [`EncodeError::Frame`] for a frame that cannot be used, other variants for what ends the stream.
@@ -82,19 +90,36 @@ impl<W: Write> FrameEncoder<W> {
         views: Vec<ColourView>,
         timestamp_ns: Option<u64>,
     ) -> Result<FrameReport, EncodeError> {
-        let number = self.pushed;
+        let number = match &self.stage {
+            Stage::Running(running) => running.stream.frames,
+            _ => 0,
+        };
         let name = format!("frame {number}");
         let frame = CapturedFrame { timestamp_ns, views, ..CapturedFrame::new(number, name, content) };
-        self.pushed += 1;
         let read = SystemTime::now();
-        self.start(&frame)?;
+        let mut decided = match self.stage {
+            Stage::Waiting(_) => Some(self.decide(&frame)?),
+            _ => None,
+        };
+        let maker = match (&mut decided, &mut self.stage) {
+            (Some(decided), _) => &mut decided.maker,
+            (None, Stage::Running(running)) => &mut running.maker,
+            (None, _) => return Err(EncodeError::Ended),
+        };
+        let volume = maker.ingest(frame, read).inspect_err(|error| {
+            if error.is_device() {
+                self.stage = Stage::Failed;
+            }
+        })?;
+        // A frame that is refused decides nothing.
+        if let Some(decided) = decided {
+            self.start(decided)?;
+        }
         let Stage::Running(running) = &mut self.stage else { return Err(EncodeError::Ended) };
-        let Running { maker, coding, stream } = &mut **running;
-        let volume = maker.ingest(frame, read)?;
-        let coded = coding.code(volume)?;
-        let written = stream.write(coded, &*self.observer);
+        let coded = running.coding.code(volume);
+        let written = coded.and_then(|frame| running.stream.write(frame, &*self.observer));
         if written.is_err() {
-            // Part of a packet may be out.
+            // Part of a packet may be out, or the frames to come would be predicted from one that is not in the stream.
             self.stage = Stage::Failed;
         }
         written
@@ -109,7 +134,8 @@ impl<W: Write> FrameEncoder<W> {
             let header = self.options.header(None, None)?;
             let empty = SparseVolume::empty(header.grid);
             let frame = CapturedFrame::new(0, String::new(), Content::Volume(empty));
-            self.start(&frame)?;
+            let decided = self.decide(&frame)?;
+            self.start(decided)?;
         }
         let Stage::Running(running) = self.stage else { return Err(EncodeError::Ended) };
         let Running { maker, stream, .. } = *running;
@@ -117,38 +143,41 @@ impl<W: Write> FrameEncoder<W> {
         Ok((PacketWriter::finish(stream.packets)?, report))
     }
 
-    /// Decides what is open by the first frame, and writes the header.
-    fn start(&mut self, first: &CapturedFrame) -> Result<(), EncodeError> {
-        if let Stage::Waiting(_) = self.stage {
-            let (options, observer) = (&self.options, &self.observer);
-            let grid = match &first.content {
-                Content::Volume(volume) | Content::Decoded(volume) => Some(*volume.grid()),
-                Content::Geometry(_) | Content::Depth(_) => None,
-            };
-            let mut header = options.header(grid, None)?;
-            if options.voxel == VoxelChoice::Fit
-                && grid.is_none()
-                && let Some(need) = spacing::of_frame(options, first, header.grid)
-            {
-                header.grid.voxel_size = spacing::announce(need, &**observer);
-                header.profile = options.profile(&header.grid)?;
-            }
-            if options.colour.is_expected || first.has_colour() {
-                header = header.with_colour(options.colour_layers(&header));
-            }
-            header = options.metadata.versioned(header);
-            let settings = options.encoder_settings(&header);
-            let steps = Steps { settings, colour_scale: 1.0 };
-            let coding = Coding::open(options, &header, steps, &self.device, 0, observer)?;
-            let maker = options.volume_maker(&header, self.device.clone(), 0, observer);
-            let Stage::Waiting(sink) = std::mem::replace(&mut self.stage, Stage::Failed) else {
-                return Err(EncodeError::Ended);
-            };
-            let up = stream_up(options, grid.is_none(), None);
-            let draft = MetadataDraft::new(options, &header, up, &maker.surface);
-            let stream = StreamSink::new(sink, &header, settings.main.target, options, draft)?;
-            self.stage = Stage::Running(Box::new(Running { maker, coding, stream }));
+    /// Decides what is open by the first frame.
+    fn decide(&self, first: &CapturedFrame) -> Result<Decided, EncodeError> {
+        let (options, observer) = (&self.options, &self.observer);
+        let grid = match &first.content {
+            Content::Volume(volume) | Content::Decoded(volume) => Some(*volume.grid()),
+            Content::Geometry(_) | Content::Depth(_) => None,
+        };
+        let mut header = options.header(grid, None)?;
+        if options.voxel == VoxelChoice::Fit
+            && grid.is_none()
+            && let Some(need) = spacing::of_frame(options, first, header.grid)
+        {
+            header.grid.voxel_size = spacing::announce(need, &**observer);
+            header.profile = options.profile(&header.grid)?;
         }
+        if options.colour.is_expected || first.has_colour() {
+            header = header.with_colour(options.colour_layers(&header));
+        }
+        header = options.metadata.versioned(header);
+        let settings = options.encoder_settings(&header);
+        let steps = Steps { settings, colour_scale: 1.0 };
+        let coding = Coding::open(options, &header, steps, &self.device, 0, observer)?;
+        let maker = options.volume_maker(&header, self.device.clone(), 0, observer);
+        Ok(Decided { header, settings, maker, coding, up: stream_up(options, grid.is_none(), None) })
+    }
+
+    /// Writes the header.
+    fn start(&mut self, decided: Decided) -> Result<(), EncodeError> {
+        let Stage::Waiting(sink) = std::mem::replace(&mut self.stage, Stage::Failed) else {
+            return Err(EncodeError::Ended);
+        };
+        let Decided { header, settings, maker, coding, up } = decided;
+        let draft = MetadataDraft::new(&self.options, &header, up, &maker.surface);
+        let stream = StreamSink::new(sink, &header, settings.main.target, &self.options, draft)?;
+        self.stage = Stage::Running(Box::new(Running { maker, coding, stream }));
         Ok(())
     }
 }
