@@ -63,15 +63,13 @@ impl Geometry {
         self
     }
 
-    /// The geometry turned about the origin by a rotation: positions, normals and viewpoint.
+    /// The geometry turned about the origin by a rotation: positions, normals and viewpoints.
     #[must_use]
     pub fn turned(mut self, rotation: DMat3) -> Self {
+        self.viewpoints_mut().for_each(|viewpoint| *viewpoint = rotation * *viewpoint);
         let (positions, normals) = match &mut self {
             Self::Mesh(mesh) => (&mut mesh.vertices, &mut mesh.normals),
-            Self::Points(points) => {
-                points.viewpoint = points.viewpoint.map(|viewpoint| rotation * viewpoint);
-                (&mut points.positions, &mut points.normals)
-            }
+            Self::Points(points) => (&mut points.positions, &mut points.normals),
         };
         positions.iter_mut().chain(normals).for_each(|v| *v = rotation * *v);
         self

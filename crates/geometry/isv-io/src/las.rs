@@ -38,7 +38,12 @@ pub(crate) fn parse(bytes: &[u8], keeps_colours: bool) -> Result<PointCloud, Fla
         let records = records.chunks_exact(header.record_bytes).take(header.points as usize);
         records.for_each(|record| points.push(record));
     }
-    Ok(points.cloud.finish(None))
+    let mut cloud = points.cloud.finish(None);
+    // Many programs write formats with colours and leave them zero.
+    if cloud.colours.iter().all(|colour| *colour == [0; 3]) {
+        cloud.colours.clear();
+    }
+    Ok(cloud)
 }
 
 /// Place of red, green and blue in the records of a point format that has them.

@@ -9,11 +9,14 @@ pub(crate) enum Scale {
     Byte,
     /// 0 to 65535; 0 to 255 if no number is larger, as some programs write it.
     Short,
-    /// 0 to 1; 0 to 255 if a number is larger than 1.
+    /// 0 to 1; 0 to 255 if a number is larger than that, and more than a little where some are no whole numbers.
     Unit,
-    /// 0 to 255; 0 to 1 if no number is larger than 1 and some are no whole numbers.
+    /// 0 to 255; 0 to 1 if no number is much larger than 1 and some are no whole numbers.
     ByteOrUnit,
 }
+
+/// Colours of 0 to 1 may be this large: by rounding, or as light that is brighter than white.
+const BRIGHTEST: f32 = 4.0;
 
 /// The colours of vertices or points, until all are there.
 #[derive(Debug)]
@@ -52,11 +55,12 @@ impl RawColours {
 
     /// Colours as bytes.
     pub(crate) fn finish(self) -> Vec<Rgb> {
+        let is_unit = self.largest <= 1.0 || self.any_fraction && self.largest <= BRIGHTEST;
         let full = match self.scale {
             Scale::Byte => 255.0,
             Scale::Short if self.largest > 255.0 => 65535.0,
-            Scale::Unit if self.largest <= 1.0 => 1.0,
-            Scale::ByteOrUnit if self.largest <= 1.0 && self.any_fraction => 1.0,
+            Scale::Unit if is_unit => 1.0,
+            Scale::ByteOrUnit if is_unit && self.any_fraction => 1.0,
             Scale::Short | Scale::Unit | Scale::ByteOrUnit => 255.0,
         };
         let byte = |value: f32| if value.is_nan() { 255 } else { (value / full * 255.0).round() as u8 };
@@ -80,7 +84,9 @@ mod tests {
         assert_eq!(bytes(Scale::Short, &[0.0, 128.0, 255.0]), [0, 128, 255]);
         assert_eq!(bytes(Scale::Short, &[0.0, 257.0, 65535.0]), [0, 1, 255]);
         assert_eq!(bytes(Scale::Unit, &[0.0, 0.5, 1.0]), [0, 128, 255]);
-        assert_eq!(bytes(Scale::Unit, &[0.0, 0.5, 1.0, 2.0]), [0, 1, 1, 2]);
+        assert_eq!(bytes(Scale::Unit, &[0.0, 0.5, 1.000_000_1, 2.0]), [0, 128, 255, 255]);
+        assert_eq!(bytes(Scale::Unit, &[0.0, 1.0, 2.0]), [0, 1, 2]);
+        assert_eq!(bytes(Scale::Unit, &[0.0, 0.5, 4.5]), [0, 1, 5]);
         assert_eq!(bytes(Scale::ByteOrUnit, &[0.0, 1.0]), [0, 1]);
         assert_eq!(bytes(Scale::ByteOrUnit, &[0.0, 0.5, 1.0]), [0, 128, 255]);
     }

@@ -166,10 +166,10 @@ fn vectors(vectors: &[DVec3], what: &str) -> io::Result<Vec<[f32; 3]>> {
     }
 }
 
-/// Least and greatest coordinates; nothing of no points.
+/// Least and greatest coordinates. An extent has two points, also where there is nothing.
 fn extent(points: &[[f32; 3]]) -> Vec<[f32; 3]> {
-    let Some(first) = points.first() else { return Vec::new() };
-    let (mut least, mut most) = (*first, *first);
+    let first = points.first().copied().unwrap_or_default();
+    let (mut least, mut most) = (first, first);
     for point in points {
         for axis in 0..3 {
             least[axis] = least[axis].min(point[axis]);

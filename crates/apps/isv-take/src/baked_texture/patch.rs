@@ -4,19 +4,14 @@ use super::UNUSED;
 use super::atlas::Place;
 use super::charts::Chart;
 use glam::DVec3;
-use isv_decode::colour::Reader;
-use isv_decode::colour::{ColourFrame, surface_colours};
-use isv_volume::{BlockCoord, COORD_LIMIT, Grid, Rgb, TriangleMesh};
+use isv_decode::colour::{ColourFrame, colours_near};
+use isv_volume::{Grid, Rgb, TriangleMesh};
 
 /// Distance from a chart within which texels lie on the surface as it goes on (texels, and voxels).
 const AROUND: f64 = 1.5;
 const AROUND_VOXELS: f64 = 1.0;
 /// Smallest cosine between the surface and the direction of view: steeper ones would throw texels far off.
 const STEEPEST: f64 = 0.4;
-/// Radius of the surface in a cell (voxels): half the cell's diagonal.
-const CELL: f64 = 0.87;
-/// Distance within which the surface of a mesh that was simplified is looked for (voxels).
-const REACH: i32 = 4;
 
 /// Source of texels.
 #[derive(Clone, Copy)]
@@ -68,7 +63,7 @@ impl Patch {
             texels.push(texel);
             points.push(surface.point(chart, chart.faces[*number as usize], closest.weights, aside));
         }
-        let colours = surface.colours(&points);
+        let colours = colours_near(surface.colour, surface.grid, &points);
         let mut known: Vec<Option<Rgb>> = vec![None; nearest.len()];
         for (texel, colour) in texels.into_iter().zip(colours) {
             known[texel] = colour;
@@ -91,55 +86,6 @@ impl Surface<'_> {
         let normal = mean(self.normals).normalize_or(view.towards);
         point + in_plane - normal.dot(in_plane) / normal.dot(view.towards).max(STEEPEST) * view.towards
     }
-
-    /// Colours of points near the surface; `None` where there is none.
-    fn colours(&self, points: &[DVec3]) -> Vec<Option<Rgb>> {
-        let read = |points: &[DVec3]| surface_colours(self.colour, self.grid, points);
-        let mut colours: Vec<Option<Rgb>> = read(points).into_iter().map(Some).collect();
-        // What no surface is near is grey, and so may be what one is near: both are looked at again, on the surface.
-        let greys: Vec<usize> = (0..points.len()).filter(|point| colours[*point] == Some(UNUSED)).collect();
-        let mut reader = Reader::new(self.colour);
-        let onto: Vec<Option<DVec3>> =
-            greys.iter().map(|point| onto_surface(&mut reader, self.grid, points[*point])).collect();
-        let found: Vec<DVec3> = onto.iter().copied().flatten().collect();
-        let mut again = read(&found).into_iter();
-        for (point, onto) in greys.into_iter().zip(onto) {
-            colours[point] = onto.and_then(|_| again.next());
-        }
-        colours
-    }
-}
-
-/// The point of a frame's surface that is about the nearest to a point within [`REACH`] voxels, both in metres.
-fn onto_surface(reader: &mut Reader, grid: &Grid, point_m: DVec3) -> Option<DVec3> {
-    let voxel_m = grid.voxel_size.metres();
-    let point = point_m / voxel_m - 0.5;
-    let block = (point / 8.0).floor();
-    if !block.to_array().iter().all(|b| b.abs() < f64::from(COORD_LIMIT)) {
-        return None;
-    }
-    reader.turn_to(BlockCoord::from(block.to_array().map(|b| b as i32)));
-    let inside = point - 8.0 * block;
-    let home = inside.floor().to_array().map(|p| p as i32);
-    let mut best: Option<(f64, DVec3)> = None;
-    for step in 0..(2 * REACH + 1).pow(3) {
-        let span = 2 * REACH + 1;
-        let voxel = [step % span, step / span % span, step / span / span].map(|s| s - REACH);
-        let voxel = [0, 1, 2].map(|axis| home[axis] + voxel[axis]);
-        let Some(found) = reader.cell(voxel) else { continue };
-        let surfel = reader.surfel(found);
-        let middle = DVec3::from(voxel.map(|v| f64::from(v) + 0.5));
-        let within = middle + DVec3::from(surfel.offset.map(|o| f64::from(o) / 256.0));
-        let normal = DVec3::from(surfel.normal.map(|n| f64::from(n) / 127.0));
-        // The plane of the cell's surface, as far as it goes in the cell.
-        let aside = inside - within;
-        let onto = within + (aside - normal.dot(aside) * normal).clamp_length_max(CELL);
-        let squared = (onto - inside).length_squared();
-        if best.is_none_or(|(least, _)| squared < least) {
-            best = Some((squared, onto));
-        }
-    }
-    best.map(|(_, onto)| (onto + 8.0 * block + 0.5) * voxel_m)
 }
 
 /// Middle of a texel.

@@ -459,6 +459,8 @@ impl EncodeOptions {
             .colour_settings(header)
             .map(|settings| f64::from(settings.spacing) * grid.voxel_size.metres());
         let origin_m = DVec3::from(self.origin.unwrap_or_default()) * self.unit.metres();
+        // As captures turn their points.
+        let turned = |place: DVec3| self.up.to_y_up() * place;
         let reach = match (profile, self.band) {
             (ProfileChoice::Main, None | Some(Band::Surface)) => Reach::Surface,
             _ => Reach::Band,
@@ -479,8 +481,10 @@ impl EncodeOptions {
             point_sign: None,
             normals: fields.normals,
             unit: self.unit,
-            viewpoint_m: fields.viewpoint.map(|place| DVec3::from(place) * self.unit.metres() - origin_m),
-            scan_origin_m: -origin_m,
+            viewpoint_m: fields
+                .viewpoint
+                .map(|place| turned(DVec3::from(place) * self.unit.metres() - origin_m)),
+            scan_origin_m: turned(-origin_m),
             sides_said: false,
             sign_said: false,
             depth: DepthFusion { mode: fields.fusion, settings, fuser: None, colours: None },

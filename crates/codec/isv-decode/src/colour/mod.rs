@@ -49,6 +49,6 @@ pub use exactness::{ExactColour, ExactReader, ExactSource};
 pub use frame::{ColourFrame, ColourShape, Sample};
 pub use reader::Reader;
 pub use reference::ColourReference;
-pub use surface::surface_colours;
+pub use surface::{colours_near, surface_colours};
 pub use surfel::Surfel;
 pub use symbols::ColourSymbols;

@@ -11,6 +11,11 @@ use rayon::prelude::*;
 
 /// Points that a thread works on at a time.
 const CHUNK: usize = 1024;
+/// Distance within which the surface is looked for around a point that does not lie on it, in voxels. Vertices of coarse and of
+/// simplified meshes do not.
+const REACH: i32 = 6;
+/// Radius of the surface in a cell (1/256 voxel): half the cell's diagonal.
+const CELL: f64 = 222.0;
 /// Points of a block from which on it pays to take its cells together.
 const SHARING: usize = 12;
 /// Edge of a block in 1/256 voxel.
@@ -21,14 +26,25 @@ const AROUND: [[i32; 3]; 7] =
 
 /// The sRGB colours of points on the surface of a frame, in metres: vertices of marching cubes, or points between them.
 ///
-/// Positions are rounded to 1/256 of a voxel, and from there on all is integers: the same points have the same colours on every
-/// machine. A point that no coloured surface is near is grey.
+/// Positions are rounded to 1/256 of a voxel: the same points have the same colours on every machine. A point beside the surface has
+/// the colour of the place there that is about the nearest. A point that no coloured surface is near is grey.
 #[must_use]
 pub fn surface_colours<P: Copy + Into<[f64; 3]> + Sync>(
     frame: &ColourFrame,
     grid: &Grid,
     points: &[P],
 ) -> Vec<Rgb> {
+    let grey = to_rgb(GREY);
+    colours_near(frame, grid, points).into_iter().map(|colour| colour.unwrap_or(grey)).collect()
+}
+
+/// The colours as [`surface_colours`] has them; `None` for points that no coloured surface is near.
+#[must_use]
+pub fn colours_near<P: Copy + Into<[f64; 3]> + Sync>(
+    frame: &ColourFrame,
+    grid: &Grid,
+    points: &[P],
+) -> Vec<Option<Rgb>> {
     let depth = frame.shape.depths().iter().max().copied().unwrap_or(0);
     let voxel_m = grid.voxel_size.metres();
     // From the middle of the first voxel of all.
@@ -43,13 +59,13 @@ pub fn surface_colours<P: Copy + Into<[f64; 3]> + Sync>(
 }
 
 /// The colours at positions, in 1/256 voxel. Neighbours in the list that lie in one block share its cells. `depth`: of the deepest block.
-fn colours(reader: &mut Reader, positions: &[[f64; 3]], depth: u8) -> Vec<Rgb> {
+fn colours(reader: &mut Reader, positions: &[[f64; 3]], depth: u8) -> Vec<Option<Rgb>> {
     let mut colours = Vec::with_capacity(positions.len());
     let mut rest = positions;
     while let Some(first) = rest.first() {
         let block = first.map(|p| (p / BLOCK).floor());
         if !block.iter().all(|b| b.abs() < f64::from(isv_volume::COORD_LIMIT)) {
-            colours.push(to_rgb(GREY));
+            colours.push(None);
             rest = &rest[1..];
             continue;
         }
@@ -67,7 +83,7 @@ fn colours(reader: &mut Reader, positions: &[[f64; 3]], depth: u8) -> Vec<Rgb> {
             || {
                 colours.extend(run.iter().map(
                     #[inline(always)]
-                    |p| to_rgb(colour(reader, from_block(p).map(|p| p as i32), depth)),
+                    |p| colour(reader, from_block(p).map(|p| p as i32), depth).map(to_rgb),
                 ));
             },
         );
@@ -75,12 +91,65 @@ fn colours(reader: &mut Reader, positions: &[[f64; 3]], depth: u8) -> Vec<Rgb> {
     colours
 }
 
-/// The colour at a position, in 1/256 voxel from the middle of the first voxel of the reader's origin.
+/// The colour at a position, in 1/256 voxel from the middle of the first voxel of the reader's origin, or beside it.
 #[inline(always)]
-fn colour(reader: &mut Reader, position: [i32; 3], depth: u8) -> Sample {
+fn colour(reader: &mut Reader, position: [i32; 3], depth: u8) -> Option<Sample> {
+    colour_at(reader, position, depth).or_else(|| colour_beside(reader, position, depth))
+}
+
+#[inline(always)]
+fn colour_at(reader: &mut Reader, position: [i32; 3], depth: u8) -> Option<Sample> {
     let voxel = position.map(|p| p >> 8);
     let normal = AROUND.iter().find_map(|step| reader.plane(sum(voxel, *step))).map(|surfel| surfel.normal);
-    reader.read(position, normal.unwrap_or_default(), depth).unwrap_or(GREY)
+    reader.read(position, normal.unwrap_or_default(), depth)
+}
+
+/// The colour at the place of the surface that is about the nearest to a position, within [`REACH`].
+#[inline(never)]
+fn colour_beside(reader: &mut Reader, position: [i32; 3], depth: u8) -> Option<Sample> {
+    let home = position.map(|p| p >> 8);
+    let mut best: Option<(f64, [i32; 3])> = None;
+    for reach in 0..=REACH {
+        // What lies in cells farther out is farther away than what was found.
+        if best.is_some_and(|(squared, _)| squared <= f64::from(256 * (reach - 1)).powi(2)) {
+            break;
+        }
+        for step in shell(reach) {
+            let voxel = sum(home, step);
+            let Some(surfel) = reader.plane(voxel) else { continue };
+            // The plane of the cell's surface, as far as it goes in the cell.
+            let within =
+                [0, 1, 2].map(|axis| f64::from(256 * voxel[axis] + 128) + f64::from(surfel.offset[axis]));
+            let normal = surfel.normal.map(|n| f64::from(n) / 127.0);
+            let aside = [0, 1, 2].map(|axis| f64::from(position[axis]) - within[axis]);
+            let height = dot(aside, normal);
+            let along = [0, 1, 2].map(|axis| aside[axis] - height * normal[axis]);
+            let shorter = (CELL / dot(along, along).sqrt()).min(1.0);
+            let onto = [0, 1, 2].map(|axis| within[axis] + shorter * along[axis]);
+            let apart = [0, 1, 2].map(|axis| onto[axis] - f64::from(position[axis]));
+            let squared = dot(apart, apart);
+            if best.is_none_or(|(least, _)| squared < least) {
+                best = Some((squared, onto.map(|o| o.round() as i32)));
+            }
+        }
+    }
+    colour_at(reader, best?.1, depth)
+}
+
+/// The steps to cells of which the largest coordinate is a distance away.
+fn shell(distance: i32) -> impl Iterator<Item = [i32; 3]> {
+    let along = move || -distance..=distance;
+    along().flat_map(move |z| {
+        along().flat_map(move |y| {
+            // Inside of the other two faces there are but the ends of the row.
+            let is_row = z.abs() == distance || y.abs() == distance;
+            along().step_by(if is_row { 1 } else { (2 * distance).max(1) as usize }).map(move |x| [x, y, z])
+        })
+    })
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|axis| a[axis] * b[axis]).sum()
 }
 
 impl ColourFrame {

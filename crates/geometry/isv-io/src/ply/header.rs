@@ -1,6 +1,7 @@
 //! The header: what the body holds, and in which encoding.
 
 use crate::error::{Flaw, Malformation, quote};
+use crate::obj::mtl;
 use crate::text::first_word;
 use std::ops::RangeInclusive;
 
@@ -245,7 +246,7 @@ impl Parser {
             (b"comment", [word, _, ..]) if word.eq_ignore_ascii_case(b"TextureFile") => {
                 // All that is left of the line: names may have blanks.
                 let name = first_word(raw).and_then(|(_, rest)| first_word(rest)).unwrap_or_default().1;
-                self.textures.push(String::from_utf8_lossy(name).into_owned());
+                self.textures.push(mtl::name(name));
                 Ok(())
             }
             (b"comment" | b"obj_info", _) => Ok(()),
