@@ -93,20 +93,25 @@ fn colours(reader: &mut Reader, positions: &[[f64; 3]], depth: u8) -> Vec<Option
 
 /// The colour at a position, in 1/256 voxel from the middle of the first voxel of the reader's origin, or beside it.
 #[inline(always)]
-fn colour(reader: &mut Reader, position: [i32; 3], depth: u8) -> Option<Sample> {
-    colour_at(reader, position, depth).or_else(|| colour_beside(reader, position, depth))
+fn colour(reader: &mut Reader, mut position: [i32; 3], depth: u8) -> Option<Sample> {
+    let mut is_beside = false;
+    // One place in the code that reads: it is large.
+    loop {
+        let voxel = position.map(|p| p >> 8);
+        let surfel = AROUND.iter().find_map(|step| reader.plane(sum(voxel, *step)));
+        let normal = surfel.map(|surfel| surfel.normal).unwrap_or_default();
+        let found = reader.read(position, normal, depth);
+        if found.is_some() || is_beside {
+            return found;
+        }
+        position = place_beside(reader, position)?;
+        is_beside = true;
+    }
 }
 
-#[inline(always)]
-fn colour_at(reader: &mut Reader, position: [i32; 3], depth: u8) -> Option<Sample> {
-    let voxel = position.map(|p| p >> 8);
-    let normal = AROUND.iter().find_map(|step| reader.plane(sum(voxel, *step))).map(|surfel| surfel.normal);
-    reader.read(position, normal.unwrap_or_default(), depth)
-}
-
-/// The colour at the place of the surface that is about the nearest to a position, within [`REACH`].
+/// The place of the surface that is about the nearest to a position, within [`REACH`].
 #[inline(never)]
-fn colour_beside(reader: &mut Reader, position: [i32; 3], depth: u8) -> Option<Sample> {
+fn place_beside(reader: &mut Reader, position: [i32; 3]) -> Option<[i32; 3]> {
     let home = position.map(|p| p >> 8);
     let mut best: Option<(f64, [i32; 3])> = None;
     for reach in 0..=REACH {
@@ -133,7 +138,7 @@ fn colour_beside(reader: &mut Reader, position: [i32; 3], depth: u8) -> Option<S
             }
         }
     }
-    colour_at(reader, best?.1, depth)
+    best.map(|(_, onto)| onto)
 }
 
 /// The steps to cells of which the largest coordinate is a distance away.
