@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import logging
+import os
 import socket
 import threading
 from pathlib import Path
@@ -356,6 +357,18 @@ def test_held_frames_are_there_by_number_behind_those_that_are_counted(stream: P
     for wrong in (len(numbers), 2**70):
         with pytest.raises(IndexError):
             take[wrong]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names")
+def test_a_pipe_with_a_name_is_a_live_stream(stream: Path, tmp_path: Path) -> None:
+    pipe = tmp_path / "live.isv"
+    os.mkfifo(pipe)
+    writer = threading.Thread(target=pipe.write_bytes, args=(stream.read_bytes(),))
+    writer.start()
+    with isv.open(pipe) as take:
+        assert take.live
+        assert [frame.number for frame in take] == list(range(12))
+    writer.join()
 
 
 def test_what_a_file_raises_while_it_is_opened_is_raised(stream: Path) -> None:

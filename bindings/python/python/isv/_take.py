@@ -6,6 +6,7 @@ import builtins
 import io
 import operator
 import os
+import stat
 from collections.abc import Iterator
 from types import TracebackType
 from typing import Any, Literal, Protocol, TypeAlias, overload, runtime_checkable
@@ -370,9 +371,10 @@ def open(
 
 def _open(source: Source, settings: tuple[int, bool, bool, int | None]) -> _isv.Reader:
     if isinstance(source, str):
-        # What cannot be opened is said as everywhere in Python.
-        with builtins.open(source, "rb"):
-            return _isv.Reader.open(source, settings)
+        # What cannot be opened is said as everywhere in Python. A pipe has its bytes once.
+        if not stat.S_ISFIFO(os.stat(source).st_mode):
+            builtins.open(source, "rb").close()
+        return _isv.Reader.open(source, settings)
     if isinstance(source, bytes):
         return _isv.Reader.from_bytes("bytes", source, settings)
     if isinstance(source, io.TextIOBase):

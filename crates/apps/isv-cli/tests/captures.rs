@@ -182,6 +182,17 @@ fn the_surface_needs_only_a_part_of_the_band() {
     assert!(distance_mm(&work, "frames", "take.isv") < 4.0);
 }
 
+/// A PLY file without a vertex could be one of points. Nobody was on the stage.
+#[test]
+fn an_empty_frame_among_meshes_is_one() {
+    let work = Workspace::with_figure(3);
+    work.write("frames/frame_1.ply", "ply\nformat ascii 1.0\nelement vertex 0\nend_header\n");
+    work.isv(&["encode", "frames", "-o", "auto.isv", "--voxel", "auto"]).done();
+    assert_eq!(work.isv(&["info", "auto.isv", "--json"]).json()["frames"], 3);
+    work.isv(&["decode", "auto.isv", "-o", "decoded"]).done();
+    work.isv(&["render", "decoded", "-o", "film.gif", "--size", "64"]).done();
+}
+
 #[test]
 fn bad_frames_can_be_skipped() {
     let work = Workspace::with_figure(4);

@@ -442,11 +442,8 @@ pub(crate) fn coloured_surface(
 
 fn surface_of(frame: CapturedFrame, memory: MemoryLimit) -> Result<TriangleMesh, FrameError> {
     match frame.content {
+        Content::Geometry(geometry) if geometry.is_empty() => Ok(TriangleMesh::default()),
         Content::Geometry(Geometry::Mesh(mesh)) => Ok(mesh),
-        // A file without anything says no more of what it could hold.
-        Content::Geometry(Geometry::Points(points)) if points.positions.is_empty() => {
-            Ok(TriangleMesh::default())
-        }
         Content::Volume(volume) | Content::Decoded(volume) => {
             let surface =
                 coloured_surface(&volume, frame.colour.as_deref(), SurfaceOptions { normals: true }, memory);

@@ -27,6 +27,15 @@ impl Input {
         }
     }
 
+    /// Whether its bytes come once, as of standard input and of a pipe with a name. What is not there is no such thing.
+    #[must_use]
+    pub fn comes_once(&self) -> bool {
+        match self {
+            Self::StandardInput => true,
+            Self::Path(path) => path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir()),
+        }
+    }
+
     /// The path, if it has one.
     #[must_use]
     pub fn path(&self) -> Option<&Path> {

@@ -62,7 +62,7 @@ impl Reader {
     pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
         let input = Input::from(path);
         let name = input.name();
-        if input.path().is_some_and(|path| path.exists() && !path.is_file() && !path.is_dir()) {
+        if input.comes_once() {
             // The header of a pipe cannot be read before its frames.
             return Ok(Self::with_source(name, Source::Once(Some(stream::source(&input)?))));
         }

@@ -581,6 +581,20 @@ fn losses_are_told_or_concealed() {
     assert!(heard.iter().any(|(text, is_warning)| *is_warning && text.contains("lost")), "{heard:?}");
 }
 
+#[cfg(unix)]
+#[test]
+fn a_pipe_with_a_name_is_read_as_it_comes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("live.isv");
+    assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+    let (bytes, to) = (stream(&options(), 3), path.clone());
+    let writer = std::thread::spawn(move || std::fs::write(to, bytes).unwrap());
+    let reader = Reader::open(&path).unwrap();
+    assert_eq!(reader.frames(), None);
+    assert_eq!(reader.map(|frame| frame.unwrap().number()).collect::<Vec<_>>(), [0, 1, 2]);
+    writer.join().unwrap();
+}
+
 /// Frames that are held in place of lost ones are found by their numbers, also where the index does not have them.
 #[test]
 fn held_frames_can_be_sought() {

@@ -1,13 +1,13 @@
 //! Points as text and as PCD and PLY: what is written, what is read, and what is refused.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use isv_io::{
     Format, Geometry, Malformation, Position, ReadError, Unit, parse_geometry, write_mesh_to, write_points,
     write_points_to,
 };
 use isv_testfiles::pcd::{baroque_files, compressed};
 use isv_testfiles::text::{NORMALS, TWO_POINTS};
-use isv_volume::{PointCloud, PointsError, TriangleMesh};
+use isv_volume::{PointCloud, PointsError, ScanPlace, TriangleMesh};
 use proptest::prelude::*;
 use std::io;
 use std::path::Path;
@@ -323,4 +323,13 @@ proptest! {
     ) {
         let _ = parse("a.xyz", words.join(" ").as_bytes());
     }
+}
+
+#[test]
+fn places_of_scans_are_turned_with_their_points() {
+    let scans = vec![ScanPlace { points: 0..1, viewpoint: DVec3::Z }];
+    let cloud = PointCloud { positions: vec![DVec3::X], scans, ..PointCloud::default() };
+    let up_is_z = DMat3::from_cols(DVec3::X, -DVec3::Z, DVec3::Y);
+    let Geometry::Points(turned) = Geometry::Points(cloud).turned(up_is_z) else { panic!("points") };
+    assert_eq!((turned.positions[0], turned.scans[0].viewpoint), (DVec3::X, DVec3::Y));
 }

@@ -54,7 +54,7 @@ for code in mesh.GetPointsAttr().GetTimeSamples() or [Usd.TimeCode.Default()]:
     counts = mesh.GetFaceVertexCountsAttr().Get(code)
     ok, why = UsdGeom.Mesh.ValidateTopology(mesh.GetFaceVertexIndicesAttr().Get(code), counts, len(points))
     extent = list(mesh.GetExtentAttr().Get(code))
-    print("frame", len(points), len(counts), sum(mesh.GetFaceVertexIndicesAttr().Get(code)), ok, len(points) == 0 or list(UsdGeom.PointBased.ComputeExtent(points)) == extent, [round(c, 4) for c in colour[1]] if len(colour) else [])
+    print("frame", len(points), len(counts), sum(mesh.GetFaceVertexIndicesAttr().Get(code)), ok, len(extent) == 2 and (len(points) == 0 or list(UsdGeom.PointBased.ComputeExtent(points)) == extent), [round(c, 4) for c in colour[1]] if len(colour) else [])
 "#;
 
 /// Prints whether files hold the same layer, and errors that USD's own validators find.

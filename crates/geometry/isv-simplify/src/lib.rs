@@ -30,9 +30,6 @@ use meshoptimizer_rs::{
 };
 use thiserror::Error;
 
-/// Faces of the smallest body, a tetrahedron: with fewer it collapses to nothing.
-const FEWEST_FACES: usize = 4;
-
 /// Largest error for the simplifier where only the number of faces counts, in extents of the mesh.
 const ANY_ERROR: f32 = 1e6;
 
@@ -111,14 +108,14 @@ pub fn simplify(mesh: &TriangleMesh, budget: &Budget) -> Result<Simplified, Simp
     let mut locked = vec![false; source.vertices.len()];
     if budget.faces.is_some() {
         let limit = (SimplifyOptions::REGULARIZE_LIGHT, ANY_ERROR);
-        let mut target = most_faces.max(FEWEST_FACES);
+        let mut target = most_faces.max(1);
         loop {
             let (simplified, _) = collapse(&source, target, limit, &locked)?;
             match Errors::measure(&source, &simplified).map(|errors| errors.largest_m()) {
                 Some(error_m) if error_m <= max_error_m => {
                     return Ok(Simplified { mesh: simplified, error_m });
                 }
-                // Parts may collapse to nothing where others still have faces.
+                // Nothing is left: a body has four faces at least, a sheet two.
                 None if target < mesh.triangles.len() => target *= 2,
                 _ if budget.max_error_m.is_none() => return Ok(as_it_was()),
                 _ => break,

@@ -111,6 +111,17 @@ fn with_both_limits_the_first_that_is_met_counts() {
 }
 
 #[test]
+fn something_is_left_of_everything() {
+    // The faces of a sphere are as good as each other, and vanish together.
+    for source in [sphere(1.0, 20), torus(20)] {
+        for faces in [1, 2, 3] {
+            let left = by_faces(&source, faces).mesh.triangles.len();
+            assert!((1..source.triangles.len() / 3).contains(&left), "{left} faces for {faces}");
+        }
+    }
+}
+
+#[test]
 fn flat_parts_cost_nothing_and_borders_stay() {
     // A square of 50 x 50 quads with a border.
     let side = 50u32;

@@ -58,7 +58,7 @@ impl Kind {
         let Input::Path(path) = input else { return Ok((None, pipe::open(hints)?)) };
         if is_stream_name(path) {
             // It is opened more than once.
-            if path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir()) {
+            if input.comes_once() {
                 return Err(CaptureError::NoRegularFile { name: input.name() });
             }
             let (_, header) = stream::open(input, hints.memory)?;

@@ -200,8 +200,7 @@ fn samples(
         Content::Geometry(Geometry::Mesh(mesh)) => {
             Ok(SampleFrame { name: frame.name, mesh: turn_faces(&mesh).into_owned() })
         }
-        // A file without anything says no more of what it could hold.
-        Content::Geometry(Geometry::Points(points)) if points.positions.is_empty() => {
+        Content::Geometry(geometry) if geometry.is_empty() => {
             Ok(SampleFrame { name: frame.name, mesh: TriangleMesh::default() })
         }
         _ => Err(EncodeError::NoMesh { name: frame.name }),

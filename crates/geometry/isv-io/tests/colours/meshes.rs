@@ -162,9 +162,11 @@ fn vertex_colours_of_ply_have_many_names_and_types() {
 
 #[test]
 fn textures_of_ply_are_of_vertices() {
-    for [u, v] in [["s", "t"], ["u", "v"], ["texture_u", "texture_v"]] {
+    for ([u, v], name) in
+        [(["s", "t"], "a b.png"), (["u", "v"], "\"a b.png\""), (["texture_u", "texture_v"], "a b.png")]
+    {
         let header = format!(
-            "comment TextureFile a b.png\nelement vertex 3\n{XYZ}property float {u}\nproperty float {v}\n\
+            "comment TextureFile {name}\nelement vertex 3\n{XYZ}property float {u}\nproperty float {v}\n\
              element face 1\nproperty list uchar int vertex_indices\n"
         );
         let file = ply(&header, "0 0 0 .25 .25\n1 0 0 .75 .25\n1 1 0 .75 .75\n3 0 1 2\n");
