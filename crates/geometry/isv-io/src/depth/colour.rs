@@ -33,6 +33,9 @@ const KINECT_SIZE: [u32; 2] = [640, 480];
 /// Share by which the shape of an image may differ from its lens's: sizes of video are rounded to even numbers.
 const SHAPE_TOLERANCE: f64 = 0.01;
 
+/// Colour images this near to a depth image belong to it, in seconds, as in TUM's captures.
+const NEAR_S: f64 = 0.02;
+
 /// The key that names colour images. Only `colour` is this format's own: what else stands under the other names, as other programs
 /// write it, is passed over.
 #[derive(Debug, Deserialize)]
@@ -253,12 +256,16 @@ fn count_error(path: PathBuf, found: usize, expected: usize) -> DepthFileError {
     }
 }
 
-/// The colour image of each depth image: in order if they are equally many, else by the numbers in their names.
+/// The colour image of each depth image: the nearest in time, if their names are times. Otherwise images belong together in order if they
+/// are equally many, else by the numbers in their names.
 fn paired(
     place: &Path,
     images: Vec<PathBuf>,
     beside: &Beside,
 ) -> Result<Vec<Option<PathBuf>>, DepthFileError> {
+    if let Some(paths) = beside.depth.and_then(|(_, depths)| nearest_in_time(&images, depths)) {
+        return Ok(paths);
+    }
     let Some((_, depths)) = beside.depth.filter(|(_, depths)| depths.len() != images.len()) else {
         return Ok(images.into_iter().map(Some).collect());
     };
@@ -275,6 +282,35 @@ fn paired(
         true => Ok(paths),
         false => Err(count_error(place.to_owned(), found, depths.len())),
     }
+}
+
+/// The colour image nearest in time to each depth image, if names are seconds. It is at most half as far away as colour images are from
+/// each other. `None` where no image is: clocks may differ.
+fn nearest_in_time(images: &[PathBuf], depths: &[PathBuf]) -> Option<Vec<Option<PathBuf>>> {
+    let seconds_of =
+        |paths: &[PathBuf]| paths.iter().map(|path| seconds_in(path)).collect::<Option<Vec<f64>>>();
+    let mut by_time: Vec<(f64, &PathBuf)> = seconds_of(images)?.into_iter().zip(images).collect();
+    by_time.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut apart: Vec<f64> = by_time.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
+    apart.sort_by(f64::total_cmp);
+    let farthest = (0.5 * apart.get(apart.len().saturating_sub(1) / 2).copied().unwrap_or(0.0)).max(NEAR_S);
+    let nearest = |time: f64| {
+        let behind = by_time.partition_point(|(other, _)| *other < time);
+        let around = &by_time[behind.saturating_sub(1)..by_time.len().min(behind + 1)];
+        let found = around.iter().map(|(other, path)| ((other - time).abs(), *path));
+        let (distance, path) = found.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        (distance <= farthest).then(|| path.clone())
+    };
+    let paths: Vec<Option<PathBuf>> = seconds_of(depths)?.into_iter().map(nearest).collect();
+    paths.iter().any(Option::is_some).then_some(paths)
+}
+
+/// The time that the name of a file is, in seconds: digits, a point and digits.
+fn seconds_in(path: &Path) -> Option<f64> {
+    let stem = path.file_stem()?.to_str()?;
+    let (whole, fraction) = stem.split_once('.')?;
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    (is_number(whole) && is_number(fraction)).then(|| stem.parse().ok())?
 }
 
 /// The last number in the name of a file, its extension left out.
@@ -488,5 +524,24 @@ mod tests {
         ] {
             assert_eq!(number_in(Path::new(name)), expected, "{name}");
         }
+    }
+
+    #[test]
+    fn names_that_are_times_pair_the_nearest_images() {
+        let paths = |names: &[&str]| names.iter().map(PathBuf::from).collect::<Vec<_>>();
+        let pair = |colours: &[&str], depths: &[&str]| nearest_in_time(&paths(colours), &paths(depths));
+        let names = |names: &[Option<&str>]| Some(names.iter().map(|name| name.map(PathBuf::from)).collect());
+        // The last number is that of another second; images are dropped on both sides.
+        let colours = ["100.190.jpg", "100.310.jpg", "100.410.jpg", "105.200.jpg", "109.400.jpg"];
+        let depths = ["100.200.png", "100.300.png", "100.400.png", "102.000.png", "105.201.png"];
+        let expected = [Some(colours[0]), Some(colours[1]), Some(colours[2]), None, Some(colours[3])];
+        assert_eq!(pair(&colours, &depths), names(&expected));
+        // The colour camera is 30 ms late, at 10 images a second.
+        let late = ["1.030.jpg", "1.130.jpg", "1.230.jpg"];
+        assert_eq!(pair(&late, &["1.000.png", "1.100.png", "1.200.png"]), names(&late.map(Some)));
+        // Other clocks and names that are no times say nothing.
+        assert_eq!(pair(&["5.0.jpg", "5.1.jpg"], &["900.0.png", "900.1.png"]), None);
+        assert_eq!(pair(&["1.jpg", "2.jpg"], &["1.png", "2.png"]), None);
+        assert_eq!(pair(&["frame-000001.color.png"], &["frame-000001.depth.png"]), None);
     }
 }
