@@ -4,7 +4,7 @@ use crate::image::{self, ImageError, ImageFault};
 use crate::inside::inside;
 use isv_volume::Image;
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Most pixels of all images of a mesh: 768 MiB.
@@ -15,21 +15,39 @@ const MAX_PIXELS: u64 = 1 << 28;
 const LEAST_PIXELS: u64 = 1 << 24;
 const MOST_PIXELS_A_BYTE: u64 = 4096;
 
+/// Counts the pixels of a mesh's images, and the bytes that they came from.
+#[derive(Debug, Default)]
+pub(crate) struct PixelCount {
+    pixels: u64,
+    bytes: u64,
+}
+
+impl PixelCount {
+    /// Adds an image of so many bytes.
+    ///
+    /// # Errors
+    /// [`ImageFault::Total`] if a mesh cannot have so many pixels.
+    pub(crate) fn add(&mut self, image: &Image, bytes: usize) -> Result<(), ImageFault> {
+        self.pixels += u64::from(image.width()) * u64::from(image.height());
+        self.bytes += bytes as u64;
+        let limit = self.bytes.saturating_mul(MOST_PIXELS_A_BYTE).clamp(LEAST_PIXELS, MAX_PIXELS);
+        if self.pixels > limit { Err(ImageFault::Total { limit }) } else { Ok(()) }
+    }
+}
+
 /// The images of a mesh, each decoded once, and the folder that linked files lie in.
 #[derive(Debug)]
 pub(crate) struct Linked<'a> {
     /// Folder of the frame's file; `None` for a frame that came without files beside it.
     folder: Option<&'a Path>,
     images: HashMap<String, Arc<Image>>,
-    /// Pixels and bytes of all images so far.
-    pixels: u64,
-    bytes: u64,
+    count: PixelCount,
 }
 
 impl<'a> Linked<'a> {
     /// Files beside a frame's file, in a folder; none may be opened without a folder.
     pub(crate) fn new(folder: Option<&'a Path>) -> Self {
-        Self { folder, images: HashMap::new(), pixels: 0, bytes: 0 }
+        Self { folder, images: HashMap::new(), count: PixelCount::default() }
     }
 
     /// Files beside the file at a path.
@@ -52,13 +70,17 @@ impl<'a> Linked<'a> {
         }
     }
 
-    /// Reads a file whole.
-    fn read(&self, name: &str) -> Result<Vec<u8>, ImageFault> {
+    /// The path of a file that a name leads to, which may not be there.
+    pub(crate) fn path(&self, name: &str) -> Result<PathBuf, ImageFault> {
         const ALONE: &str = "is another file, and this one came without any";
         const OUTSIDE: &str = "leaves the folder of the file; linked files must lie beside it or below";
         let folder = self.folder.ok_or(ImageFault::Name { why: ALONE })?;
-        let path = inside(folder, name).ok_or(ImageFault::Name { why: OUTSIDE })?;
-        image::read_file(&path)
+        inside(folder, name).ok_or(ImageFault::Name { why: OUTSIDE })
+    }
+
+    /// Reads a file whole.
+    fn read(&self, name: &str) -> Result<Vec<u8>, ImageFault> {
+        image::read_file(&self.path(name)?)
     }
 
     /// Reads an image by its name. One of the same name is decoded once.
@@ -66,21 +88,15 @@ impl<'a> Linked<'a> {
         if let Some(image) = self.images.get(name) {
             return Ok(Arc::clone(image));
         }
-        let bytes = self.read(name).map_err(|fault| fault.of_image(name))?;
-        let image = self.decode(&bytes, name)?;
+        let image = self.decode(name).map_err(|fault| fault.of_image(name))?;
         self.images.insert(name.to_owned(), Arc::clone(&image));
         Ok(image)
     }
 
-    /// Decodes an image, which counts to the limit of the mesh.
-    pub(crate) fn decode(&mut self, bytes: &[u8], name: &str) -> Result<Arc<Image>, ImageError> {
-        let image = image::decode(bytes).map_err(|fault| fault.of_image(name))?;
-        self.pixels += u64::from(image.width()) * u64::from(image.height());
-        self.bytes += bytes.len() as u64;
-        let limit = self.bytes.saturating_mul(MOST_PIXELS_A_BYTE).clamp(LEAST_PIXELS, MAX_PIXELS);
-        if self.pixels > limit {
-            return Err(ImageFault::Total { limit }.of_image(name));
-        }
+    fn decode(&mut self, name: &str) -> Result<Arc<Image>, ImageFault> {
+        let bytes = self.read(name)?;
+        let image = image::decode(&bytes)?;
+        self.count.add(&image, bytes.len())?;
         Ok(Arc::new(image))
     }
 }
@@ -92,17 +108,16 @@ mod tests {
 
     #[test]
     fn many_images_of_few_bytes_are_refused() {
-        let image = four_colours();
+        let bytes = four_colours();
+        let image = image::decode(&bytes).unwrap();
         // As if images of no bytes had come before.
-        let mut linked = Linked { pixels: LEAST_PIXELS - 4, ..Linked::new(None) };
-        assert!(linked.decode(&image, "a.png").is_ok());
-        let refused = linked.decode(&image, "a.png").unwrap_err();
-        assert_eq!(refused, ImageFault::Total { limit: LEAST_PIXELS }.of_image("a.png"));
-        let mut linked = Linked { pixels: LEAST_PIXELS, bytes: LEAST_PIXELS, ..Linked::new(None) };
-        assert!(linked.decode(&image, "a.png").is_ok(), "the bytes are there");
-        let mut linked = Linked { pixels: MAX_PIXELS, bytes: u64::MAX / 2, ..Linked::new(None) };
-        let refused = linked.decode(&image, "a.png").unwrap_err();
-        assert_eq!(refused, ImageFault::Total { limit: MAX_PIXELS }.of_image("a.png"));
+        let mut count = PixelCount { pixels: LEAST_PIXELS - 4, bytes: 0 };
+        assert_eq!(count.add(&image, bytes.len()), Ok(()));
+        assert_eq!(count.add(&image, bytes.len()), Err(ImageFault::Total { limit: LEAST_PIXELS }));
+        let mut count = PixelCount { pixels: LEAST_PIXELS, bytes: LEAST_PIXELS };
+        assert_eq!(count.add(&image, bytes.len()), Ok(()), "the bytes are there");
+        let mut count = PixelCount { pixels: MAX_PIXELS, bytes: u64::MAX / 2 };
+        assert_eq!(count.add(&image, bytes.len()), Err(ImageFault::Total { limit: MAX_PIXELS }));
     }
 
     #[test]

@@ -14,22 +14,18 @@ pub(crate) const TOO_MANY_MATERIALS: Malformation = Malformation::TooManyMateria
 
 /// Materials in the order of their first use, by what the file calls them.
 #[derive(Debug)]
-pub(crate) struct Materials<K> {
+pub(crate) struct Materials<K, M = Material> {
     places: HashMap<K, u16>,
-    list: Vec<Material>,
+    list: Vec<M>,
 }
 
-impl<K: Eq + Hash> Materials<K> {
+impl<K: Eq + Hash, M> Materials<K, M> {
     pub(crate) fn new() -> Self {
         Self { places: HashMap::new(), list: Vec::new() }
     }
 
     /// Index of the material of a key, which is made at its first use; `None` if there are too many.
-    pub(crate) fn index<E>(
-        &mut self,
-        key: K,
-        make: impl FnOnce() -> Result<Material, E>,
-    ) -> Result<Option<u16>, E> {
+    pub(crate) fn index<E>(&mut self, key: K, make: impl FnOnce() -> Result<M, E>) -> Result<Option<u16>, E> {
         if let Some(place) = self.places.get(&key) {
             return Ok(Some(*place));
         }
@@ -43,11 +39,11 @@ impl<K: Eq + Hash> Materials<K> {
     }
 
     /// The materials so far.
-    pub(crate) fn list(&self) -> &[Material] {
+    pub(crate) fn list(&self) -> &[M] {
         &self.list
     }
 
-    pub(crate) fn into_list(self) -> Vec<Material> {
+    pub(crate) fn into_list(self) -> Vec<M> {
         self.list
     }
 }

@@ -6,7 +6,7 @@ use super::buffers::Buffers;
 use super::container::{Container, MAGIC};
 use super::fault::GltfFault;
 use super::limit::Limit;
-use super::looks::Looks;
+use super::looks::{DecodedImages, Looks};
 use super::scene::{Channel, Scene};
 use super::schema::{Document, parse_json};
 use crate::error::Flaw;
@@ -27,8 +27,8 @@ pub const MAX_DURATION_S: f64 = 86_400.0;
 /// `.gltf` must lie in its folder or below. Everything is held in memory, which is bounded by the size of the file and its
 /// buffers.
 ///
-/// Colours are read where the options keep them: [`Self::open_with`]. Images are decoded when the file is opened. Poses that show the
-/// same parts share one [`Appearance`].
+/// Colours are read where the options keep them: [`Self::open_with`]. Images are decoded for the poses that show them. Poses in a row
+/// that show the same parts share one [`Appearance`].
 ///
 /// ```no_run
 /// # fn main() -> Result<(), isv_io::ReadError> {
@@ -56,6 +56,7 @@ pub struct Animation {
 struct Look {
     sides: Vec<Side>,
     appearance: Option<Arc<Appearance>>,
+    images: DecodedImages,
 }
 
 /// One of the animations of a file.
@@ -78,7 +79,7 @@ impl Animation {
     /// Reads a file as [`Self::open`] does, with its colours if the options ask for them.
     ///
     /// # Errors
-    /// Errors of [`Self::open`]; [`Malformation::Image`](crate::Malformation::Image) names an image that cannot be read.
+    /// Errors of [`Self::open`]; [`Malformation::Image`](crate::Malformation::Image) names an image whose address leads nowhere.
     pub fn open_with(path: &Path, options: &ReadOptions) -> Result<Self, ReadError> {
         let bytes = crate::regular_file::read(path)
             .map_err(|cause| ReadError::Io { path: path.to_owned(), cause })?;
@@ -171,6 +172,7 @@ impl Animation {
     ///
     /// # Errors
     /// [`ReadError::Mesh`] or [`ReadError::Points`] if a vertex is nowhere, [`ReadError::OutOfRange`].
+    /// [`Malformation::Image`](crate::Malformation::Image) names an image that cannot be read.
     pub fn geometry_at(&self, seconds: f64) -> Result<Geometry, ReadError> {
         let mut pose = self.scene.pose(self.channels(), seconds);
         let geometry = match self.scene.is_points() {
@@ -181,7 +183,7 @@ impl Animation {
             }),
             false => {
                 if self.options.colours == Colours::Keep && !pose.mesh.triangles.is_empty() {
-                    pose.mesh.appearance = self.appearance(pose.sides);
+                    pose.mesh.appearance = self.appearance(pose.sides)?;
                 }
                 Geometry::Mesh(pose.mesh)
             }
@@ -190,15 +192,20 @@ impl Animation {
     }
 
     /// The colours of a pose with these sides: those of the pose before, if it had the same.
-    fn appearance(&self, sides: Vec<Side>) -> Option<Arc<Appearance>> {
+    fn appearance(&self, sides: Vec<Side>) -> Result<Option<Arc<Appearance>>, ReadError> {
         // Nothing is half done where a thread panics: a look is put in whole.
-        let mut look = self.look.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(look) = look.as_ref().filter(|look| look.sides == sides) {
-            return look.appearance.clone();
-        }
-        let appearance = self.scene.appearance(&sides).map(Arc::new);
-        *look = Some(Look { sides, appearance: appearance.clone() });
-        appearance
+        let last = || self.look.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = match &*last() {
+            Some(look) if look.sides == sides => return Ok(look.appearance.clone()),
+            Some(look) => look.images.clone(),
+            None => DecodedImages::new(),
+        };
+        // Other threads go on while images are decoded.
+        let shown = self.scene.appearance(&sides, &known).map_err(|flaw| flaw.in_file(&self.path))?;
+        let (appearance, images) = shown.map(|(appearance, images)| (Arc::new(appearance), images)).unzip();
+        let images = images.unwrap_or_default();
+        *last() = Some(Look { sides, appearance: appearance.clone(), images });
+        Ok(appearance)
     }
 
     /// The mesh at an instant, in metres; before the first and after the last keyframe that of the keyframe. Empty while nothing is to be

@@ -1,4 +1,5 @@
-//! The materials of primitives, with their images, each loaded at its first use.
+//! The materials of primitives, loaded at their first use. Their images are decoded for the poses that show them: an animation may have
+//! one for each frame, far more than fit in memory.
 
 use super::accessor::Accessors;
 use super::buffers::{data_of, name_of};
@@ -6,12 +7,13 @@ use super::fault::GltfFault;
 use super::look_schema::{LookDocument, TextureInfo, TextureTransform};
 use super::schema::object;
 use crate::error::Flaw;
-use crate::image::ImageFault;
-use crate::linked::Linked;
+use crate::image::{self, ImageFault};
+use crate::linked::{Linked, PixelCount};
 use crate::materials::{Materials, TOO_MANY_MATERIALS};
 use isv_volume::{Image, Material, Wrap};
+use std::borrow::Cow;
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// The materials of a file, of which those that are used are loaded.
@@ -19,8 +21,10 @@ use std::sync::Arc;
 pub(super) struct Looks<'a> {
     document: LookDocument,
     linked: Linked<'a>,
-    images: HashMap<usize, Arc<Image>>,
-    materials: Materials<Option<usize>>,
+    /// Places in `images` by the file's numbers.
+    places: HashMap<usize, usize>,
+    images: Vec<ImageSource>,
+    materials: Materials<Option<usize>, MaterialSource>,
     /// Whether a material that is used says anything of colours.
     says_colours: bool,
 }
@@ -34,13 +38,55 @@ pub(super) struct Surface {
     pub(super) coordinates: Option<(usize, TextureTransform)>,
 }
 
+/// All materials that a scene uses, and their images; no materials if they say nothing of colours.
+#[derive(Debug, Default)]
+pub(super) struct Palette {
+    materials: Vec<MaterialSource>,
+    images: Vec<ImageSource>,
+}
+
+/// A material whose image need not be decoded.
+#[derive(Debug)]
+struct MaterialSource {
+    base_colour: [f32; 3],
+    wrap: [Wrap; 2],
+    /// Place of its image in [`Palette::images`].
+    image: Option<usize>,
+}
+
+/// An image of a file.
+#[derive(Debug)]
+struct ImageSource {
+    /// Number of the image in the file.
+    index: usize,
+    name: String,
+    bytes: ImageBytes,
+}
+
+#[derive(Debug)]
+enum ImageBytes {
+    Held(Vec<u8>),
+    File(PathBuf),
+}
+
+/// An image, and how many bytes it was decoded from.
+#[derive(Clone, Debug)]
+pub(super) struct DecodedImage {
+    image: Arc<Image>,
+    bytes: usize,
+}
+
+/// The images of a pose, by their places in [`Palette::images`].
+pub(super) type DecodedImages = HashMap<usize, DecodedImage>;
+
 impl<'a> Looks<'a> {
     /// Looks of a document, whose images may lie in a folder.
     pub(super) fn new(document: LookDocument, folder: Option<&'a Path>) -> Self {
         Self {
             document,
             linked: Linked::new(folder),
-            images: HashMap::new(),
+            places: HashMap::new(),
+            images: Vec::new(),
             materials: Materials::new(),
             says_colours: false,
         }
@@ -53,23 +99,29 @@ impl<'a> Looks<'a> {
         accessors: &Accessors,
         mesh: usize,
     ) -> Result<Surface, Flaw> {
-        let Self { document, linked, images, materials, says_colours } = self;
+        let Self { document, linked, places, images, materials, says_colours } = self;
         let stated = material.map(|index| object(&document.materials, "material", index, ("mesh", mesh)));
         let (factors, texture) = stated.transpose()?.map(|stated| stated.base_colour()).unwrap_or_default();
         let key = material.filter(|_| !factors.is_empty() || texture.is_some());
         *says_colours |= key.is_some();
         let named_by = key.unwrap_or_default();
-        let make = || -> Result<Material, Flaw> {
-            let (texture, wrap) = match texture {
+        let make = || -> Result<MaterialSource, Flaw> {
+            let (image, wrap) = match texture {
                 Some(info) => {
-                    let (image, wrap) = load_texture(document, info, named_by, (linked, images), accessors)?;
-                    (Some(image), wrap)
+                    let (index, wrap) = image_of_texture(document, info, named_by)?;
+                    let known = places.get(&index).copied();
+                    if known.is_none() {
+                        let named_by = ("texture", info.index);
+                        images.push(ImageSource::find(document, index, named_by, linked, accessors)?);
+                        places.insert(index, images.len() - 1);
+                    }
+                    (known.or(Some(images.len() - 1)), wrap)
                 }
                 None => (None, [Wrap::Repeat; 2]),
             };
             let factor = |channel: usize| factors.get(channel).filter(|factor| factor.is_finite());
             let base_colour = [0, 1, 2].map(|channel| factor(channel).map_or(1.0, |f| f.clamp(0.0, 1.0)));
-            Ok(Material { base_colour, texture, wrap })
+            Ok(MaterialSource { base_colour, wrap, image })
         };
         let material = materials.index(key, make)?;
         let material = material.ok_or(Flaw::in_object("mesh", mesh, TOO_MANY_MATERIALS))?;
@@ -77,19 +129,101 @@ impl<'a> Looks<'a> {
     }
 
     /// The materials that are used; none if they say nothing of colours.
-    pub(super) fn into_materials(self) -> Vec<Material> {
-        if self.says_colours { self.materials.into_list() } else { Vec::new() }
+    pub(super) fn into_palette(self) -> Palette {
+        match self.says_colours {
+            true => Palette { materials: self.materials.into_list(), images: self.images },
+            false => Palette::default(),
+        }
     }
 }
 
-/// The image of a texture, and how it goes on outside.
-fn load_texture(
+impl Palette {
+    /// Whether materials say nothing of colours.
+    pub(super) fn is_empty(&self) -> bool {
+        self.materials.is_empty()
+    }
+
+    /// Some of the materials, by their places, and the images that these have. Images that are known are not decoded again.
+    pub(super) fn materials(
+        &self,
+        places: &[u16],
+        known: &DecodedImages,
+    ) -> Result<(Vec<Material>, DecodedImages), Flaw> {
+        let mut decoded = DecodedImages::new();
+        let mut count = PixelCount::default();
+        let mut materials = Vec::with_capacity(places.len());
+        for place in places {
+            let MaterialSource { base_colour, wrap, image } = self.materials[usize::from(*place)];
+            if let Some(place) = image.filter(|place| !decoded.contains_key(place)) {
+                let source = &self.images[place];
+                let flaw = |fault| source.flaw(fault);
+                let image = known.get(&place).cloned().map_or_else(|| source.decode(), Ok).map_err(flaw)?;
+                count.add(&image.image, image.bytes).map_err(flaw)?;
+                decoded.insert(place, image);
+            }
+            let texture = image.map(|place| Arc::clone(&decoded[&place].image));
+            materials.push(Material { base_colour, texture, wrap });
+        }
+        Ok((materials, decoded))
+    }
+}
+
+impl ImageSource {
+    /// Finds an image, named by another object. Its bytes are not looked at.
+    fn find(
+        document: &LookDocument,
+        index: usize,
+        named_by: (&'static str, usize),
+        linked: &Linked,
+        accessors: &Accessors,
+    ) -> Result<Self, Flaw> {
+        let image = object(&document.images, "image", index, named_by)?;
+        let name = match (&image.uri, image.name.as_str()) {
+            (Some(uri), _) if !uri.starts_with("data:") => uri.clone(),
+            (_, "") => index.to_string(),
+            (_, name) => name.to_owned(),
+        };
+        let source = |name, bytes| Self { index, name, bytes };
+        let flaw = |fault: ImageFault| Flaw::in_object("image", index, fault.of_image(&name));
+        let misnamed = |why| flaw(ImageFault::Name { why });
+        if let Some(view) = image.buffer_view {
+            let bytes = accessors.bytes(view, ("image", index))?;
+            // Views may be those of other images, too: each copy counts.
+            let numbers = bytes.len().div_ceil(size_of::<f32>());
+            accessors.limit.take(numbers, 1).map_err(|fault| Flaw::in_object("image", index, fault))?;
+            return Ok(source(name, ImageBytes::Held(bytes.to_vec())));
+        }
+        let uri = image.uri.as_ref();
+        let uri = uri.ok_or_else(|| Flaw::in_object("image", index, GltfFault::NoImage))?;
+        if let Some(data) = data_of(uri) {
+            let data = data.map_err(misnamed)?;
+            return Ok(source(name, ImageBytes::Held(data)));
+        }
+        let file = name_of(uri).map_err(misnamed)?.into_owned();
+        let path = linked.path(&file);
+        let path = path.map_err(|fault| Flaw::in_object("image", index, fault.of_image(&file)))?;
+        Ok(source(file, ImageBytes::File(path)))
+    }
+
+    fn decode(&self) -> Result<DecodedImage, ImageFault> {
+        let bytes = match &self.bytes {
+            ImageBytes::Held(bytes) => Cow::Borrowed(bytes),
+            ImageBytes::File(path) => Cow::Owned(image::read_file(path)?),
+        };
+        Ok(DecodedImage { image: Arc::new(image::decode(&bytes)?), bytes: bytes.len() })
+    }
+
+    fn flaw(&self, fault: ImageFault) -> Flaw {
+        Flaw::in_object("image", self.index, fault.of_image(&self.name))
+    }
+}
+
+/// The number of a texture's image, and how the texture goes on outside.
+fn image_of_texture(
     document: &LookDocument,
     info: &TextureInfo,
     material: usize,
-    (linked, images): (&mut Linked, &mut HashMap<usize, Arc<Image>>),
-    accessors: &Accessors,
-) -> Result<(Arc<Image>, [Wrap; 2]), Flaw> {
+) -> Result<(usize, [Wrap; 2]), Flaw> {
     let texture = object(&document.textures, "texture", info.index, ("material", material))?;
     let named_by = ("texture", info.index);
     let sampler = texture.sampler.map(|index| object(&document.samplers, "sampler", index, named_by));
@@ -97,27 +231,7 @@ fn load_texture(
     let wrap = [sampler.and_then(|s| s.wrap_s), sampler.and_then(|s| s.wrap_t)].map(wrap_of_code);
     let index = texture.image();
     let index = index.ok_or_else(|| Flaw::in_object(named_by.0, named_by.1, GltfFault::NoImage))?;
-    if let Some(image) = images.get(&index) {
-        return Ok((Arc::clone(image), wrap));
-    }
-    let image = object(&document.images, "image", index, named_by)?;
-    let name = match (&image.uri, image.name.as_str()) {
-        (Some(uri), _) if !uri.starts_with("data:") => uri.clone(),
-        (_, "") => index.to_string(),
-        (_, name) => name.to_owned(),
-    };
-    let error = |fault: ImageFault| Flaw::in_object("image", index, fault.of_image(&name));
-    let loaded = match (&image.uri, image.buffer_view) {
-        (_, Some(view)) => linked.decode(accessors.bytes(view, ("image", index))?, &name),
-        (Some(uri), None) => match data_of(uri) {
-            Some(data) => linked.decode(&data.map_err(|why| error(ImageFault::Name { why }))?, &name),
-            None => linked.image(&name_of(uri).map_err(|why| error(ImageFault::Name { why }))?),
-        },
-        (None, None) => return Err(Flaw::in_object("image", index, GltfFault::NoImage)),
-    };
-    let loaded = loaded.map_err(|error| Flaw::in_object("image", index, error))?;
-    images.insert(index, Arc::clone(&loaded));
-    Ok((loaded, wrap))
+    Ok((index, wrap))
 }
 
 /// The treatment of a code of the specification. Unknown ones repeat, as without any.

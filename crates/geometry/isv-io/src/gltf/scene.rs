@@ -6,12 +6,12 @@ use super::deform::Skin;
 use super::fault::GltfFault;
 use super::hierarchy::{Hierarchy, Transform, rest_transform};
 use super::keyframes::{Curve, Moved};
-use super::looks::Looks;
+use super::looks::{DecodedImages, Looks, Palette};
 use super::parts::Shape;
 use super::schema::{self, Document, Node, object};
 use crate::error::Flaw;
 use glam::{DAffine3, DMat3, DVec3};
-use isv_volume::{Appearance, Material, Rgb, TriangleMesh};
+use isv_volume::{Appearance, Rgb, TriangleMesh};
 
 /// What of a scene can be seen.
 #[derive(Debug)]
@@ -26,7 +26,7 @@ pub(super) struct Scene {
     /// Whether a node has a part in where a vertex is.
     matters: Vec<bool>,
     /// Materials of all parts; none if they say nothing of colours, or nobody asks.
-    materials: Vec<Material>,
+    palette: Palette,
 }
 
 /// A scene at an instant.
@@ -76,13 +76,13 @@ impl Scene {
             skins: Vec::new(),
             instances: Vec::new(),
             matters: vec![false; document.nodes.len()],
-            materials: Vec::new(),
+            palette: Palette::default(),
         };
         for skin in 0..document.skins.len() {
             scene.skins.push(Skin::load(document, accessors, skin)?);
         }
         scene.load_instances(document, accessors, looks.as_mut(), &shown)?;
-        scene.materials = looks.map(Looks::into_materials).unwrap_or_default();
+        scene.palette = looks.map(Looks::into_palette).unwrap_or_default();
         // A scene with nobody in it is one; a scene of what cannot be read is not.
         if scene.instances.is_empty() && document.meshes.iter().any(|mesh| !mesh.primitives.is_empty()) {
             return Err(Flaw::in_object("scene", default, GltfFault::NoMeshes));
@@ -212,10 +212,15 @@ impl Scene {
         parts.peek().is_some() && parts.all(|part| part.triangles.is_empty())
     }
 
-    /// The colours of a pose with these sides; none if the file says nothing of them, or nobody asks.
-    pub(super) fn appearance(&self, sides: &[Side]) -> Option<Appearance> {
+    /// The colours of a pose with these sides, and the images that they show; none if the file says nothing of them, or nobody asks.
+    /// Images that are known are not decoded again.
+    pub(super) fn appearance(
+        &self,
+        sides: &[Side],
+        known: &DecodedImages,
+    ) -> Result<Option<(Appearance, DecodedImages)>, Flaw> {
         let parts = self.instances.iter().flat_map(|instance| &self.shapes[instance.shape].parts);
-        assemble(parts.zip(sides.iter().copied()), &self.materials)
+        assemble(parts.zip(sides.iter().copied()), &self.palette, known)
     }
 
     /// The mesh at an instant, and the points. A shape that is scaled to nothing is hidden and gives none. The mesh has no colours yet.

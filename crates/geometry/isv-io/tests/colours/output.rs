@@ -185,6 +185,28 @@ fn frames_of_an_animation_have_colours_of_their_own() {
     }
 }
 
+/// Together the textures have more pixels than a mesh may.
+#[test]
+fn a_long_animation_with_a_texture_a_frame_is_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.glb");
+    let frames = 70;
+    let colour = |frame: u8| [frame, 200 - frame, 7];
+    let mut writer = GlbAnimationWriter::create(&path).unwrap();
+    for frame in 0..frames {
+        let image = Image::new(2048, 2048, vec![colour(frame); 2048 * 2048]).unwrap();
+        writer.push(f64::from(frame), &textured(Arc::new(image))).unwrap();
+    }
+    writer.finish(f64::from(frames)).unwrap();
+    let film = Animation::open_with(&path, &KEEP).unwrap();
+    for frame in [0, 1, frames - 1] {
+        let mesh = film.mesh_at(f64::from(frame)).unwrap();
+        let materials = &mesh.appearance.as_ref().unwrap().materials;
+        let shown: Vec<_> = materials.iter().filter_map(|material| material.texture.as_ref()).collect();
+        assert!(shown.len() == 1 && shown[0].pixels()[0] == colour(frame), "frame {frame}");
+    }
+}
+
 #[test]
 #[should_panic(expected = "an appearance fits its mesh")]
 fn an_appearance_that_does_not_fit_is_a_wrong_call() {
