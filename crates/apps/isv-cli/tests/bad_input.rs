@@ -434,6 +434,25 @@ fn colours_that_come_after_the_first_frame_are_told_of() {
     }
 }
 
+/// Frames come from files and from a pipe.
+#[test]
+fn an_empty_stage_before_the_first_body_says_nothing_of_colours() {
+    let work = Workspace::with_painted_figure(3);
+    let header = "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\n\
+        element face 0\nproperty list uchar int vertex_indices\nend_header\n";
+    for frame in 0..2 {
+        work.write(&format!("frames/frame_{frame}.ply"), header);
+    }
+    let has_colour =
+        |name: &str| work.isv(&["info", name, "--json"]).json()["bytes_colour"].as_u64().unwrap() > 0;
+    let options = ["--voxel", "30mm"];
+    let said = work.isv(&[&["encode", "frames", "-o", "x.isv"], &options[..]].concat()).done().stderr();
+    assert!(!said.contains("colours are not kept"), "{said}");
+    let files: Vec<u8> = (0..3).flat_map(|frame| work.read(&format!("frames/frame_{frame}.ply"))).collect();
+    work.isv_with_input(&[&["encode", "-", "-o", "y.isv"], &options[..]].concat(), &files).done();
+    assert!(has_colour("x.isv") && has_colour("y.isv"));
+}
+
 #[test]
 fn a_body_of_which_nothing_is_left_is_told_of() {
     let work = Workspace::new();

@@ -106,6 +106,16 @@ impl CapturedFrame {
         self.colour.is_some() || !self.views.is_empty() || self.content.has_colour()
     }
 
+    /// Whether nothing was captured. Depth images and volumes always count as something.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        match &self.content {
+            Content::Geometry(Geometry::Mesh(mesh)) => mesh.triangles.is_empty(),
+            Content::Geometry(Geometry::Points(points)) => points.positions.is_empty(),
+            Content::Depth(_) | Content::Volume(_) | Content::Decoded(_) => false,
+        }
+    }
+
     /// The frame with another origin, where it is one of meshes or points.
     fn relative_to(self, origin_m: [f64; 3]) -> Self {
         let content = match self.content {

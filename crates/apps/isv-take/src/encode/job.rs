@@ -22,6 +22,9 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::SystemTime;
 
+/// Most frames that are held while nobody has come on stage: half an hour of video.
+const MOST_EMPTY: usize = 1 << 16;
+
 /// A capture and all that is decided before its first frame is coded.
 pub struct Job {
     input: Input,
@@ -169,7 +172,7 @@ impl Job {
             (ColourLayers::None, _) => (frames, false),
             _ if options.colour.is_expected => (frames, true),
             (_, Some(known)) => (frames, known),
-            (_, None) => with_first(frames, comes_once, &cancellation),
+            (_, None) => with_first_colour(frames, options, comes_once, &cancellation),
         };
         if has_colour {
             header = header.with_colour(options.colour_layers(&header));
@@ -467,22 +470,42 @@ fn frames_and_need(
         return Ok((capture.read_since(options.time_origin, range)?, need));
     }
     // On a thread of its own, so that the user can interrupt the wait.
-    let mut frames = Prefetch::new(capture.read_since(options.time_origin, range)?, cancellation);
-    let first = frames.next();
-    let need = first.as_ref().and_then(|frame| spacing::of_frame(options, frame.as_ref().ok()?, grid));
-    Ok((Box::new(first.into_iter().chain(frames)), need))
+    let frames = Box::new(Prefetch::new(capture.read_since(options.time_origin, range)?, cancellation));
+    let (frames, need) = with_first_content(frames, options, |frame| spacing::of_frame(options, frame, grid));
+    Ok((frames, need.flatten()))
 }
 
-/// The frames, and whether the first has colours. A pipe is read on a thread of its own, so that the user can interrupt the wait.
-fn with_first(
+/// The frames, and whether the first one with anything in it has colours. A pipe is read on a thread of its own, so that the user can
+/// interrupt the wait.
+fn with_first_colour(
     frames: Frames<CapturedFrame>,
+    options: &EncodeOptions,
     comes_once: bool,
     cancellation: &Cancellation,
 ) -> (Frames<CapturedFrame>, bool) {
-    let mut frames = if comes_once { Box::new(Prefetch::new(frames, cancellation)) } else { frames };
-    let first = frames.next();
-    let has_colour = matches!(&first, Some(Ok(frame)) if frame.has_colour());
-    (Box::new(first.into_iter().chain(frames)), has_colour)
+    let frames = if comes_once { Box::new(Prefetch::new(frames, cancellation)) } else { frames };
+    let (frames, has_colour) = with_first_content(frames, options, CapturedFrame::has_colour);
+    (frames, has_colour.unwrap_or(false))
+}
+
+/// The frames, and what the first one with anything in it says: a take may begin with an empty stage. `None` if there is no such frame
+/// before one that ends the work, among the first [`MOST_EMPTY`].
+fn with_first_content<T>(
+    mut frames: Frames<CapturedFrame>,
+    options: &EncodeOptions,
+    ask: impl Fn(&CapturedFrame) -> T,
+) -> (Frames<CapturedFrame>, Option<T>) {
+    let mut held = Vec::new();
+    let mut said = None;
+    for frame in frames.by_ref().take(MOST_EMPTY) {
+        said = frame.as_ref().ok().filter(|frame| !frame.is_empty()).map(&ask);
+        let goes_on = said.is_none() && (frame.is_ok() || options.skip_bad_frames);
+        held.push(frame);
+        if !goes_on {
+            break;
+        }
+    }
+    (Box::new(held.into_iter().chain(frames)), said)
 }
 
 /// The pipeline up to the writing of symbols. Reading runs ahead of everything else; making volumes runs ahead of coding them, and
