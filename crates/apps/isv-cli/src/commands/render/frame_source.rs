@@ -138,11 +138,13 @@ impl FrameSource {
             range.clone().zip(turned(reference.meshes(range)?, args.against_up.unwrap_or(args.up).into())),
         );
         let scenes = pairs.map(move |(mesh, (number, reference))| {
-            let reference = reference?;
-            if reference.triangles.is_empty() {
+            let (mesh, reference) = (mesh?, reference?);
+            // An empty stage shows no distances.
+            if reference.triangles.is_empty() && !mesh.triangles.is_empty() {
                 bail!("{name}: frame {number} has no surface to measure against");
             }
-            Ok(Scene { mesh: mesh?, reference: Some(Bvh::new(&reference)) })
+            let reference = (!reference.triangles.is_empty()).then(|| Bvh::new(&reference));
+            Ok(Scene { mesh, reference })
         });
         Ok((overview, ahead(scenes)))
     }
