@@ -52,6 +52,9 @@ python_environment() {
     ) 9>target/venv.lock
 }
 
+# Two minutes of fuzzing find as much in targets that take a third less time to compile. Panics say their line without debug information.
+compile_fuzz_targets_fast() { export CARGO_PROFILE_RELEASE_OPT_LEVEL=1 CARGO_PROFILE_RELEASE_DEBUG=false; }
+
 has_vulkan() { compgen -G "/usr/share/vulkan/icd.d/*.json" >/dev/null || compgen -G "/etc/vulkan/icd.d/*.json" >/dev/null; }
 
 # Installs what tests use, as far as it can be had.

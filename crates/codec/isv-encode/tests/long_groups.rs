@@ -9,14 +9,14 @@ use isv_volume::{BlockEdge, Grid, SparseVolume, Truncation, VoxelSize};
 /// Frames of a group: four more than the count has values for.
 const FRAMES: u64 = (1 << 16) + 4;
 
-/// The packets of a stream with one keyframe, a speck to which another one comes in frame `2^16`.
+/// The packets of a stream with one keyframe: nothing, until a speck comes in frame `2^16`.
 fn group(header: &StreamHeader) -> Vec<Packet> {
-    let [one, two] = [1, 2].map(|count| specks(header.grid, count));
+    let [nothing, speck] = [f64::NEG_INFINITY, 2.0].map(|radius| ball(header.grid, radius));
     let settings = EncoderSettings { gop: u32::MAX, checksums: true, ..EncoderSettings::default() };
     let mut encoder = Encoder::new(header, settings);
     let mut writer = PacketWriter::new(Vec::new(), header).unwrap();
     for frame in 0..FRAMES {
-        let coded = encoder.encode(if frame < 1 << 16 { &one } else { &two });
+        let coded = encoder.encode(if frame < 1 << 16 { &nothing } else { &speck });
         assert_eq!(coded.keyframe, frame == 0);
         writer.write_frame(coded.keyframe, frame, &coded.payload()).unwrap();
     }
@@ -25,13 +25,9 @@ fn group(header: &StreamHeader) -> Vec<Packet> {
     std::iter::from_fn(|| reader.next_frame().unwrap()).collect()
 }
 
-/// Specks of two voxels in radius, 24 apart.
-fn specks(grid: Grid, count: u32) -> SparseVolume {
-    let distance = |[x, y, z]: [f64; 3]| {
-        let to = |speck: u32| ((x - 24.0 * f64::from(speck)).powi(2) + y * y + z * z).sqrt() - 2.0;
-        (0..count).map(to).fold(f64::INFINITY, f64::min)
-    };
-    volume_of(grid, 10, distance, |_| false)
+/// A ball, its radius in voxels.
+fn ball(grid: Grid, radius: f64) -> SparseVolume {
+    volume_of(grid, 10, |[x, y, z]: [f64; 3]| (x * x + y * y + z * z).sqrt() - radius, |_| false)
 }
 
 fn header(profile: Profile, edge: BlockEdge) -> StreamHeader {
