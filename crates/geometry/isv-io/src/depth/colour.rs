@@ -285,15 +285,20 @@ fn paired(
 }
 
 /// The colour image nearest in time to each depth image, if names are seconds. It is at most half as far away as colour images are from
-/// each other. `None` where no image is: clocks may differ.
+/// each other. `None` where no image is, and where equally many images are as far apart in order, all of them: clocks may differ.
 fn nearest_in_time(images: &[PathBuf], depths: &[PathBuf]) -> Option<Vec<Option<PathBuf>>> {
-    let seconds_of =
-        |paths: &[PathBuf]| paths.iter().map(|path| seconds_in(path)).collect::<Option<Vec<f64>>>();
-    let mut by_time: Vec<(f64, &PathBuf)> = seconds_of(images)?.into_iter().zip(images).collect();
-    by_time.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let by_time = in_time(images)?;
+    let depths_by_time = in_time(depths)?;
     let mut apart: Vec<f64> = by_time.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
     apart.sort_by(f64::total_cmp);
     let farthest = (0.5 * apart.get(apart.len().saturating_sub(1) / 2).copied().unwrap_or(0.0)).max(NEAR_S);
+    if images.len() == depths.len() {
+        let apart = || by_time.iter().zip(&depths_by_time).map(|(colour, depth)| colour.0 - depth.0);
+        let spread = apart().fold(f64::MIN, f64::max) - apart().fold(f64::MAX, f64::min);
+        if spread <= farthest {
+            return None;
+        }
+    }
     let nearest = |time: f64| {
         let behind = by_time.partition_point(|(other, _)| *other < time);
         let around = &by_time[behind.saturating_sub(1)..by_time.len().min(behind + 1)];
@@ -301,8 +306,16 @@ fn nearest_in_time(images: &[PathBuf], depths: &[PathBuf]) -> Option<Vec<Option<
         let (distance, path) = found.min_by(|a, b| a.0.total_cmp(&b.0))?;
         (distance <= farthest).then(|| path.clone())
     };
-    let paths: Vec<Option<PathBuf>> = seconds_of(depths)?.into_iter().map(nearest).collect();
+    let paths: Vec<Option<PathBuf>> = depths.iter().map(|path| nearest(seconds_in(path)?)).collect();
     paths.iter().any(Option::is_some).then_some(paths)
+}
+
+/// Images by time, if their names are seconds, all of them different.
+fn in_time(paths: &[PathBuf]) -> Option<Vec<(f64, &PathBuf)>> {
+    let mut by_time =
+        paths.iter().map(|path| Some((seconds_in(path)?, path))).collect::<Option<Vec<(f64, &PathBuf)>>>()?;
+    by_time.sort_by(|a, b| a.0.total_cmp(&b.0));
+    by_time.windows(2).all(|pair| pair[0].0 < pair[1].0).then_some(by_time)
 }
 
 /// The time that the name of a file is, in seconds: digits, a point and digits.
@@ -536,9 +549,13 @@ mod tests {
         let depths = ["100.200.png", "100.300.png", "100.400.png", "102.000.png", "105.201.png"];
         let expected = [Some(colours[0]), Some(colours[1]), Some(colours[2]), None, Some(colours[3])];
         assert_eq!(pair(&colours, &depths), names(&expected));
-        // The colour camera is 30 ms late, at 10 images a second.
-        let late = ["1.030.jpg", "1.130.jpg", "1.230.jpg"];
-        assert_eq!(pair(&late, &["1.000.png", "1.100.png", "1.200.png"]), names(&late.map(Some)));
+        // The colour camera is 30 ms late, at 10 images a second, and has one more image.
+        let late = ["1.030.jpg", "1.130.jpg", "1.230.jpg", "1.330.jpg"];
+        let expected = [Some(late[0]), Some(late[1]), Some(late[2])];
+        assert_eq!(pair(&late, &["1.000.png", "1.100.png", "1.200.png"]), names(&expected));
+        // A clock that is a second ahead, and names that are no times: in order.
+        assert_eq!(pair(&["2.0.jpg", "2.5.jpg", "3.0.jpg"], &["1.0.png", "1.5.png", "2.0.png"]), None);
+        assert_eq!(pair(&["1.1.jpg", "1.10.jpg", "1.2.jpg"], &["1.1.png", "1.10.png"]), None);
         // Other clocks and names that are no times say nothing.
         assert_eq!(pair(&["5.0.jpg", "5.1.jpg"], &["900.0.png", "900.1.png"]), None);
         assert_eq!(pair(&["1.jpg", "2.jpg"], &["1.png", "2.png"]), None);

@@ -4,7 +4,7 @@
 use super::accessor::Accessors;
 use super::buffers::{data_of, name_of};
 use super::fault::GltfFault;
-use super::look_schema::{LookDocument, TextureInfo, TextureTransform};
+use super::look_schema::{Image as ImageObject, LookDocument, TextureInfo, TextureTransform};
 use super::schema::object;
 use crate::error::Flaw;
 use crate::image::{self, ImageFault};
@@ -21,8 +21,8 @@ use std::sync::Arc;
 pub(super) struct Looks<'a> {
     document: LookDocument,
     linked: Linked<'a>,
-    /// Places in `images` by the file's numbers.
-    places: HashMap<usize, usize>,
+    /// Places in `images`.
+    places: HashMap<ImagePlace, usize>,
     images: Vec<ImageSource>,
     materials: Materials<Option<usize>, MaterialSource>,
     /// Whether a material that is used says anything of colours.
@@ -52,6 +52,15 @@ struct MaterialSource {
     wrap: [Wrap; 2],
     /// Place of its image in [`Palette::images`].
     image: Option<usize>,
+}
+
+/// Place of an image's bytes: images of one place are one.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+enum ImagePlace {
+    View(usize),
+    File(PathBuf),
+    /// Bytes in the address of an image, which has this number.
+    Address(usize),
 }
 
 /// An image of a file.
@@ -109,11 +118,12 @@ impl<'a> Looks<'a> {
             let (image, wrap) = match texture {
                 Some(info) => {
                     let (index, wrap) = image_of_texture(document, info, named_by)?;
-                    let known = places.get(&index).copied();
+                    let image = object(&document.images, "image", index, ("texture", info.index))?;
+                    let place = image.place(index, linked)?;
+                    let known = places.get(&place).copied();
                     if known.is_none() {
-                        let named_by = ("texture", info.index);
-                        images.push(ImageSource::find(document, index, named_by, linked, accessors)?);
-                        places.insert(index, images.len() - 1);
+                        images.push(image.source(index, &place, accessors)?);
+                        places.insert(place, images.len() - 1);
                     }
                     (known.or(Some(images.len() - 1)), wrap)
                 }
@@ -168,43 +178,56 @@ impl Palette {
     }
 }
 
-impl ImageSource {
-    /// Finds an image, named by another object. Its bytes are not looked at.
-    fn find(
-        document: &LookDocument,
-        index: usize,
-        named_by: (&'static str, usize),
-        linked: &Linked,
-        accessors: &Accessors,
-    ) -> Result<Self, Flaw> {
-        let image = object(&document.images, "image", index, named_by)?;
-        let name = match (&image.uri, image.name.as_str()) {
+impl ImageObject {
+    /// The name of image `index` in errors.
+    fn title(&self, index: usize) -> String {
+        match (&self.uri, self.name.as_str()) {
             (Some(uri), _) if !uri.starts_with("data:") => uri.clone(),
             (_, "") => index.to_string(),
             (_, name) => name.to_owned(),
-        };
-        let source = |name, bytes| Self { index, name, bytes };
-        let flaw = |fault: ImageFault| Flaw::in_object("image", index, fault.of_image(&name));
-        let misnamed = |why| flaw(ImageFault::Name { why });
-        if let Some(view) = image.buffer_view {
-            let bytes = accessors.bytes(view, ("image", index))?;
-            // Views may be those of other images, too: each copy counts.
-            let numbers = bytes.len().div_ceil(size_of::<f32>());
-            accessors.limit.take(numbers, 1).map_err(|fault| Flaw::in_object("image", index, fault))?;
-            return Ok(source(name, ImageBytes::Held(bytes.to_vec())));
         }
-        let uri = image.uri.as_ref();
-        let uri = uri.ok_or_else(|| Flaw::in_object("image", index, GltfFault::NoImage))?;
-        if let Some(data) = data_of(uri) {
-            let data = data.map_err(misnamed)?;
-            return Ok(source(name, ImageBytes::Held(data)));
-        }
-        let file = name_of(uri).map_err(misnamed)?.into_owned();
-        let path = linked.path(&file);
-        let path = path.map_err(|fault| Flaw::in_object("image", index, fault.of_image(&file)))?;
-        Ok(source(file, ImageBytes::File(path)))
     }
 
+    /// The place of the bytes of image `index`.
+    fn place(&self, index: usize, linked: &Linked) -> Result<ImagePlace, Flaw> {
+        let flaw = |fault: ImageFault, name: &str| Flaw::in_object("image", index, fault.of_image(name));
+        match (self.buffer_view, &self.uri) {
+            (Some(view), _) => Ok(ImagePlace::View(view)),
+            (None, Some(uri)) if uri.starts_with("data:") => Ok(ImagePlace::Address(index)),
+            (None, Some(uri)) => {
+                let file = name_of(uri).map_err(|why| flaw(ImageFault::Name { why }, uri))?;
+                linked.path(&file).map(ImagePlace::File).map_err(|fault| flaw(fault, &file))
+            }
+            (None, None) => Err(Flaw::in_object("image", index, GltfFault::NoImage)),
+        }
+    }
+
+    /// Image `index`, which is at a place. Its bytes are not looked at.
+    fn source(&self, index: usize, place: &ImagePlace, accessors: &Accessors) -> Result<ImageSource, Flaw> {
+        let name = match (place, &self.uri) {
+            (ImagePlace::File(_), Some(uri)) => name_of(uri).unwrap_or_default().into_owned(),
+            _ => self.title(index),
+        };
+        let bytes = match place {
+            ImagePlace::View(view) => {
+                let bytes = accessors.bytes(*view, ("image", index))?;
+                // Views may share their bytes: each copy counts.
+                let numbers = bytes.len().div_ceil(size_of::<f32>());
+                accessors.limit.take(numbers, 1).map_err(|fault| Flaw::in_object("image", index, fault))?;
+                ImageBytes::Held(bytes.to_vec())
+            }
+            ImagePlace::File(path) => ImageBytes::File(path.clone()),
+            ImagePlace::Address(_) => {
+                let data = self.uri.as_deref().and_then(data_of).unwrap_or_else(|| Ok(Vec::new()));
+                let flaw = |why| Flaw::in_object("image", index, ImageFault::Name { why }.of_image(&name));
+                ImageBytes::Held(data.map_err(flaw)?)
+            }
+        };
+        Ok(ImageSource { index, name, bytes })
+    }
+}
+
+impl ImageSource {
     fn decode(&self) -> Result<DecodedImage, ImageFault> {
         let bytes = match &self.bytes {
             ImageBytes::Held(bytes) => Cow::Borrowed(bytes),
