@@ -1,13 +1,15 @@
 //! The materials of a mesh while its file is read.
 
 use crate::Malformation;
-use isv_volume::{Material, Rgb, linear_from_srgb};
+use isv_volume::{Appearance, Material, Rgb, linear_from_srgb};
 use std::collections::HashMap;
 use std::convert::Infallible;
 use std::hash::Hash;
 
 /// Most materials of a mesh: a face names its own in 16 bits.
 const MAX_MATERIALS: usize = 1 << 16;
+
+const WHITE: Rgb = [255; 3];
 
 /// Refusal of a mesh with more materials.
 pub(crate) const TOO_MANY_MATERIALS: Malformation = Malformation::TooManyMaterials { limit: MAX_MATERIALS };
@@ -45,6 +47,24 @@ impl<K: Eq + Hash, M> Materials<K, M> {
 
     pub(crate) fn into_list(self) -> Vec<M> {
         self.list
+    }
+}
+
+/// Takes the colours of vertices away where a texture shows. Programs that write both mean either of them whole, in formats that do not
+/// say that they are multiplied.
+pub(crate) fn prefer_textures(appearance: &mut Appearance, triangles: &[[u32; 3]]) {
+    let Appearance { vertex_colours, texture_coordinates, face_materials, materials } = appearance;
+    if vertex_colours.is_empty() {
+        return;
+    }
+    for (face, (triangle, corners)) in triangles.iter().zip(texture_coordinates).enumerate() {
+        let material = face_materials.get(face).copied().unwrap_or_default();
+        if materials[usize::from(material)].texture.is_some() && !corners[0][0].is_nan() {
+            triangle.iter().for_each(|vertex| vertex_colours[*vertex as usize] = WHITE);
+        }
+    }
+    if vertex_colours.iter().all(|colour| *colour == WHITE) {
+        vertex_colours.clear();
     }
 }
 

@@ -11,6 +11,7 @@ mod write;
 use crate::error::{Flaw, Malformation, quote};
 use crate::geometry::Geometry;
 use crate::linked::Linked;
+use crate::materials::prefer_textures;
 use crate::polygon::Polygons;
 use crate::text::{self, coordinates, parse_word, words};
 use colours::Colours;
@@ -156,7 +157,10 @@ impl File {
                 (Some(colours), Some(linked)) => colours.finish(vertices.len(), &corners, linked)?,
                 _ => None,
             };
-            let appearance = appearance.map(Arc::new);
+            let appearance = appearance.map(|mut appearance| {
+                prefer_textures(&mut appearance, &triangles);
+                Arc::new(appearance)
+            });
             return Ok(Geometry::Mesh(TriangleMesh { vertices, normals: Vec::new(), triangles, appearance }));
         }
         let colours = colours.map(|colours| colours.of_vertices(vertices.len())).unwrap_or_default();

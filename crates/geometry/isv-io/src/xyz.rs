@@ -11,8 +11,8 @@
 //!   have length 1, within 2 %, or are all 0. That must hold in each of the first 100 lines, and they must
 //!   not be all 0 in every one.
 //! - Colours, if they are asked for: columns `r g b`, `red green blue` or `Rf Gf Bf`. Without names, they are
-//!   the last three of six or seven, if these are no normal. In each of the first 100 lines they must be
-//!   whole numbers from 0 to 255, not all of them below 2.
+//!   the last three of six or seven, if these are no normal, else the fourth to the sixth of seven. In each of
+//!   the first 100 lines they must be whole numbers from 0 to 255, not all of them below 2.
 //! - All other columns, such as intensity, are ignored. All lines have as many as the first.
 
 use crate::cloud_builder::CloudBuilder;
@@ -149,16 +149,18 @@ impl Columns {
         if count == 6 && lengths.clone().all(|l| l == 0.0 || is_unit(l)) && lengths.clone().any(is_unit) {
             return six;
         }
-        let coloured = from_third(COLOUR, count.max(6) - 3);
-        let colours = lines.map(|line| match coloured.values(line) {
-            Ok([_, _, _, _, _, _, colour @ ..]) => colour,
-            Err(_) => [f64::NAN; 3],
-        });
         let is_byte = |value: &f64| (0.0..=255.0).contains(value) && value.fract() == 0.0;
-        if (6..=7).contains(&count)
-            && colours.clone().all(|colour| colour.iter().all(is_byte))
-            && colours.flatten().any(|value| value > 1.0)
-        {
+        let is_coloured = |columns: &Self| {
+            let colours = lines.clone().map(|line| match columns.values(line) {
+                Ok([_, _, _, _, _, _, colour @ ..]) => colour,
+                Err(_) => [f64::NAN; 3],
+            });
+            colours.clone().flatten().all(|value| is_byte(&value))
+                && colours.flatten().any(|value| value > 1.0)
+        };
+        // A seventh value, an intensity, comes before the colour or behind it.
+        let candidates = (6..=7).contains(&count).then(|| [count - 3, 3]).into_iter().flatten();
+        if let Some(coloured) = candidates.map(|column| from_third(COLOUR, column)).find(is_coloured) {
             return coloured;
         }
         Self { slots: [Some(0), Some(1), Some(2), None, None, None, None, None, None], count }

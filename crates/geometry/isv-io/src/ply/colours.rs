@@ -5,7 +5,7 @@
 use super::header::{Element, Kind, Scalar};
 use crate::error::Flaw;
 use crate::linked::Linked;
-use crate::materials::{Materials, TOO_MANY_MATERIALS, of_face_colours};
+use crate::materials::{Materials, TOO_MANY_MATERIALS, of_face_colours, prefer_textures};
 use crate::raw_colours::{RawColours, Scale};
 use isv_volume::{Appearance, Material};
 
@@ -174,7 +174,10 @@ impl Colours<'_> {
             texture_coordinates.resize(triangles.len(), [[f32::NAN; 2]; 3]);
             let numbers = (0..triangles.len()).map(|face| textures.get(face).copied().unwrap_or(0));
             let (face_materials, materials) = load_textures(numbers, self.textures, linked)?;
-            return Ok(Some(Appearance { vertex_colours, texture_coordinates, face_materials, materials }));
+            let mut appearance =
+                Appearance { vertex_colours, texture_coordinates, face_materials, materials };
+            prefer_textures(&mut appearance, triangles);
+            return Ok(Some(appearance));
         }
         let face_colours = face_colours.filter(|colours| colours.len() > 0 && vertex_colours.is_empty());
         if let Some(mut colours) = face_colours {

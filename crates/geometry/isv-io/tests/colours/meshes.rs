@@ -52,6 +52,28 @@ fn texture_coordinates_follow_the_corners_of_clipped_polygons() {
     }
 }
 
+/// The colours of vertices show where no texture does.
+#[test]
+fn a_texture_replaces_the_colours_of_its_vertices() {
+    let text = "mtllib a.mtl\nv 0 0 0 .1 .1 .1\nv 1 0 0 .2 .2 .2\nv 1 1 0 .3 .3 .3\nv 0 0 1 0 1 0\nv 0 1 1 0 1 0\nv 1 0 1 0 1 0\n\
+        vt .25 .25\nvt .75 .25\nvt .75 .75\nusemtl a\nf 1/1 2/2 3/3\nf 4 5 6\n";
+    let library: &[u8] = b"newmtl a\nmap_Kd a.png";
+    let files = [("a.obj", text.as_bytes()), ("a.mtl", library), ("a.png", &four_colours())];
+    let mesh = as_mesh(read(&files).unwrap());
+    assert_eq!([0, 1, 2].map(|i| corner(&mesh, 0, i)), [BLUE, WHITE, GREEN]);
+    assert_eq!(corner(&mesh, 1, 0), GREEN);
+
+    let rows = "0 0 0 9 9 9 .25 .25\n1 0 0 9 9 9 .75 .25\n1 1 0 9 9 9 .75 .75\n3 0 1 2\n";
+    let header = format!(
+        "comment TextureFile a.png\nelement vertex 3\n{XYZ}property uchar red\nproperty uchar green\nproperty uchar blue\n\
+         property float s\nproperty float t\nelement face 1\nproperty list uchar int vertex_indices\n"
+    );
+    let file = ply(&header, rows);
+    let mesh = as_mesh(read(&[("a.ply", &file), ("a.png", &four_colours())]).unwrap());
+    assert_eq!([0, 1, 2].map(|i| corner(&mesh, 0, i)), [BLUE, WHITE, GREEN]);
+    assert!(appearance(&mesh).vertex_colours.is_empty());
+}
+
 #[test]
 fn options_scale_and_move_the_texture() {
     let mesh = obj("usemtl a\nf 1/1 2/2 3/3\n", "newmtl a\nmap_Kd -s 1 -1 -o 0 1 tex/a b.png\n");

@@ -47,6 +47,8 @@ fn columns_of_xyz_are_colours_by_name_or_by_their_numbers() {
     let colours = |text: &str| as_points(read(&[("a.xyz", text.as_bytes())]).unwrap()).colours;
     assert_eq!(colours("1 2 3 255 0 0\n1 2 3 0 255 0\n"), [RED, GREEN]);
     assert_eq!(colours("1 2 3 0.5 255 0 0\n1 2 3 .7 0 255 0\n"), [RED, GREEN]);
+    assert_eq!(colours("1 2 3 255 0 0 0.5\n1 2 3 0 255 0 700\n"), [RED, GREEN], "behind the colour");
+    assert_eq!(colours("1 2 3 255 0 255 0\n"), [[0, 255, 0]], "before it, where either may be");
     assert_eq!(colours("//X,Y,Z,Rf,Gf,Bf\n1,2,3,1,0,0.5\n1,2,3,0,1,0\n"), [[255, 0, 128], GREEN]);
     assert_eq!(colours("x y z red green blue\n1 2 3 1 0 0\n"), [[1, 0, 0]], "whole numbers are bytes");
     assert_eq!(colours("1 2 3 255 0.5 0\n"), [[0u8; 3]; 0], "who knows");
