@@ -22,9 +22,6 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::SystemTime;
 
-/// Most frames that are held while nobody has come on stage: half an hour of video.
-const MOST_EMPTY: usize = 1 << 16;
-
 /// A capture and all that is decided before its first frame is coded.
 pub struct Job {
     input: Input,
@@ -172,7 +169,7 @@ impl Job {
             (ColourLayers::None, _) => (frames, false),
             _ if options.colour.is_expected => (frames, true),
             (_, Some(known)) => (frames, known),
-            (_, None) => with_first_colour(frames, options, comes_once, &cancellation),
+            (_, None) => with_room_for_colour(frames, options, comes_once, &cancellation)?,
         };
         if has_colour {
             header = header.with_colour(options.colour_layers(&header));
@@ -267,7 +264,8 @@ impl Job {
             }
         }
         let is_cancelled = cancellation.is_cancelled();
-        stream.check(&input.name(), is_cancelled).map_err(failed)?;
+        let is_part = facts.options.time_origin.is_some();
+        stream.check(&input.name(), is_part, is_cancelled).map_err(failed)?;
         let report = stream.report(
             facts.input_bytes,
             surface.get().and_then(|surface| surface.shell_mm),
@@ -391,13 +389,13 @@ impl<W: Write> StreamSink<W> {
         }
     }
 
-    /// Refuses a stream in which nothing is.
-    pub(super) fn check(&self, name: &str, is_cancelled: bool) -> Result<(), EncodeError> {
+    /// Refuses a stream in which nothing is, unless it is a part of a take: there may be nobody on stage in it.
+    pub(super) fn check(&self, name: &str, is_part: bool, is_cancelled: bool) -> Result<(), EncodeError> {
         let name = name.to_owned();
         match (self.frames, is_cancelled) {
             (0, true) => Err(EncodeError::CancelledBeforeFirstFrame),
             (0, false) => Err(EncodeError::NoFrames { name, skipped: Some(self.skipped) }),
-            (frames, false) if self.empty == frames => Err(EncodeError::NoSurface { name }),
+            (frames, false) if self.empty == frames && !is_part => Err(EncodeError::NoSurface { name }),
             _ => Ok(()),
         }
     }
@@ -470,42 +468,42 @@ fn frames_and_need(
         return Ok((capture.read_since(options.time_origin, range)?, need));
     }
     // On a thread of its own, so that the user can interrupt the wait.
-    let frames = Box::new(Prefetch::new(capture.read_since(options.time_origin, range)?, cancellation));
-    let (frames, need) = with_first_content(frames, options, |frame| spacing::of_frame(options, frame, grid));
-    Ok((frames, need.flatten()))
+    let mut frames = Prefetch::new(capture.read_since(options.time_origin, range)?, cancellation);
+    let first = frames.next();
+    let need = first.as_ref().and_then(|frame| spacing::of_frame(options, frame.as_ref().ok()?, grid));
+    Ok((Box::new(first.into_iter().chain(frames)), need))
 }
 
-/// The frames, and whether the first one with anything in it has colours. A pipe is read on a thread of its own, so that the user can
-/// interrupt the wait.
-fn with_first_colour(
-    frames: Frames<CapturedFrame>,
+/// The frames, and whether the stream gets room for colours. The first frame with anything in it says so: a take may begin with an empty
+/// stage. What comes once may be live and cannot wait for it: there is room then. Fails by a bad frame before, unless these are skipped.
+fn with_room_for_colour(
+    mut frames: Frames<CapturedFrame>,
     options: &EncodeOptions,
     comes_once: bool,
     cancellation: &Cancellation,
-) -> (Frames<CapturedFrame>, bool) {
-    let frames = if comes_once { Box::new(Prefetch::new(frames, cancellation)) } else { frames };
-    let (frames, has_colour) = with_first_content(frames, options, CapturedFrame::has_colour);
-    (frames, has_colour.unwrap_or(false))
-}
-
-/// The frames, and what the first one with anything in it says: a take may begin with an empty stage. `None` if there is no such frame
-/// before one that ends the work, among the first [`MOST_EMPTY`].
-fn with_first_content<T>(
-    mut frames: Frames<CapturedFrame>,
-    options: &EncodeOptions,
-    ask: impl Fn(&CapturedFrame) -> T,
-) -> (Frames<CapturedFrame>, Option<T>) {
+) -> Result<(Frames<CapturedFrame>, bool), FrameError> {
+    if comes_once {
+        // On a thread of its own, so that the user can interrupt the wait.
+        let mut frames = Prefetch::new(frames, cancellation);
+        let first = frames.next();
+        let has_room = matches!(&first, Some(Ok(frame)) if frame.has_colour() || frame.is_empty());
+        return Ok((Box::new(first.into_iter().chain(frames)), has_room));
+    }
     let mut held = Vec::new();
-    let mut said = None;
-    for frame in frames.by_ref().take(MOST_EMPTY) {
-        said = frame.as_ref().ok().filter(|frame| !frame.is_empty()).map(&ask);
-        let goes_on = said.is_none() && (frame.is_ok() || options.skip_bad_frames);
+    let mut has_room = true;
+    while let Some(frame) = frames.next().filter(|_| !cancellation.is_cancelled()) {
+        let frame = match frame {
+            Err(_) if options.skip_bad_frames => frame,
+            frame => Ok(frame?),
+        };
+        let is_something = matches!(&frame, Ok(frame) if !frame.is_empty());
+        has_room = !is_something || matches!(&frame, Ok(frame) if frame.has_colour());
         held.push(frame);
-        if !goes_on {
+        if is_something {
             break;
         }
     }
-    (Box::new(held.into_iter().chain(frames)), said)
+    Ok((Box::new(held.into_iter().chain(frames)), has_room))
 }
 
 /// The pipeline up to the writing of symbols. Reading runs ahead of everything else; making volumes runs ahead of coding them, and
