@@ -89,6 +89,23 @@ fn survey_coordinates_come_back_to_the_millimetre() {
 }
 
 #[test]
+fn formats_of_single_precision_say_what_they_round() {
+    let work = Workspace::new();
+    let mut ball = isv_testkit::sphere(0.1, 16);
+    ball.vertices.iter_mut().for_each(|vertex| vertex.x += 3000.0);
+    write_mesh(&work.path("far.ply"), &ball, Format::Ply).unwrap();
+    work.isv(&["encode", "far.ply", "-o", "far.isv", "--voxel=10mm"]).done();
+    for (name, format) in [("a.glb", "plain glTF"), ("a.usda", "USD"), ("a.stl", "STL")] {
+        let said = work.isv(&["decode", "far.isv", "-o", name]).done().stderr();
+        assert!(said.contains(&format!("{format} holds single precision, which is good for ")), "{said}");
+    }
+    for more in [&["a.ply"][..], &["b.glb", "--glb=quantized"]] {
+        let said = work.isv(&[&["decode", "far.isv", "-o"], more].concat()).done().stderr();
+        assert!(!said.contains("single precision"), "{said}");
+    }
+}
+
+#[test]
 fn volumes_keep_what_their_formats_cannot_say() {
     let (work, _) = Workspace::with_stream(1);
     for flag in ["--units=mm", "--origin=1,2,3", "--up=z"] {

@@ -30,8 +30,10 @@ pub enum DecodeEvent {
         /// Axis that points up.
         up: crate::Up,
     },
-    /// Coordinates of an STL file are rounded to single precision.
+    /// Coordinates are rounded to single precision, the only one that a format has.
     Rounded {
+        /// Name of the format.
+        format: &'static str,
         /// Distance of neighbouring numbers there.
         spacing: Length,
     },
@@ -54,10 +56,10 @@ impl fmt::Display for DecodeEvent {
                 "glTF means metres and Y up: other programs will take {unit} and {} up for these",
                 up.name()
             ),
-            Self::Rounded { spacing } => {
+            Self::Rounded { format, spacing } => {
                 write!(
                     f,
-                    "STL holds single precision, which is good for {spacing} here: ply and obj hold more"
+                    "{format} holds single precision, which is good for {spacing} here: ply and obj hold more"
                 )
             }
             Self::LeftOver { folder, frames, first } => write!(

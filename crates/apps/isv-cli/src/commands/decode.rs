@@ -47,7 +47,7 @@ pub(crate) struct Args {
     /// Encoding of meshes in GLB files [default: plain]
     #[arg(help_heading = "Meshes", long, value_enum, value_name = "ENCODING")]
     glb: Option<GlbName>,
-    /// Bake colour into a texture of at most N x N texels: glb, obj
+    /// Bake colour into a texture of N x N texels: glb, obj
     ///
     /// Instead of colours of vertices, meshes get texture coordinates and an image, in GLB files as PNG, beside OBJ files with an MTL
     /// file. A patch of surface keeps its place in the texture from frame to frame where it can. GLB unless --format or the output's

@@ -5,7 +5,7 @@ use super::{DecodeEvent, DecodeOptions, DecodeOptionsError, Form, OutputFormat, 
 use crate::{Event, Length, Observer, Up};
 use glam::DVec3;
 use isv_format::FrameRate;
-use isv_io::{Format, Geometry, Placement, Unit, UsdStage};
+use isv_io::{Format, Geometry, GlbEncoding, Placement, Unit, UsdStage};
 use isv_volume::{PointCloud, TriangleMesh};
 
 /// Rounding of coordinates that nobody minds, in metres, where voxels are large.
@@ -22,8 +22,16 @@ pub(super) struct Placed {
     /// Axis of the stream that points up.
     stream_up: Up,
     pub(super) placement: Placement,
-    /// Whether the format has single precision alone, of which nothing was said yet.
-    is_rounded: bool,
+    /// What is rounded to single precision, if nothing was said of it yet.
+    rounded: Option<Rounded>,
+}
+
+/// Coordinates that a format holds in single precision alone.
+#[derive(Clone, Copy, Debug)]
+struct Rounded {
+    format: &'static str,
+    /// What is added to them before they are rounded.
+    translation: DVec3,
 }
 
 impl Placed {
@@ -60,8 +68,16 @@ impl Placed {
         }
         let tolerance = ROUNDING_M.min(ROUNDING_VOXELS * voxel_m) / unit.metres();
         let translation = DVec3::from(origin.unwrap_or_default());
-        let is_rounded = matches!(format, OutputFormat::Geometry(Format::Stl));
-        Ok(Self { unit, up, stream_up, placement: Placement { translation, tolerance }, is_rounded })
+        // Others than STL have a place of their own for the origin.
+        let rounded = match format {
+            OutputFormat::Geometry(Format::Stl) => Some(Rounded { format: "STL", translation }),
+            OutputFormat::Geometry(Format::Glb) if options.glb.unwrap_or_default() == GlbEncoding::Plain => {
+                Some(Rounded { format: "plain glTF", translation: DVec3::ZERO })
+            }
+            OutputFormat::Usd(_) => Some(Rounded { format: "USD", translation: DVec3::ZERO }),
+            _ => None,
+        };
+        Ok(Self { unit, up, stream_up, placement: Placement { translation, tolerance }, rounded })
     }
 
     /// What a USD file says of its coordinates and times.
@@ -106,12 +122,13 @@ impl Placed {
             Product::Points(PointCloud { positions, .. }) => positions,
             Product::Volume { .. } => return,
         };
-        if self.is_rounded && self.placement.needs_double(positions) {
-            self.is_rounded = false;
-            let far = positions.iter().map(|v| (*v + self.placement.translation).abs().max_element());
+        let Some(Rounded { format, translation }) = self.rounded else { return };
+        if (Placement { translation, ..self.placement }).needs_double(positions) {
+            self.rounded = None;
+            let far = positions.iter().map(|v| (*v + translation).abs().max_element());
             let spacing = far.fold(0f64, f64::max) * f64::from(f32::EPSILON) * self.unit.metres();
             let spacing = Length::from_metres(spacing);
-            observer.event(&Event::Decode(DecodeEvent::Rounded { spacing }));
+            observer.event(&Event::Decode(DecodeEvent::Rounded { format, spacing }));
         }
     }
 }
