@@ -21,7 +21,8 @@ pub enum JoinedTimes {
 /// layers. Packets of unknown types are left out, and the observer is told; metadata stay if all streams have the same. Returns the sink and the number of frames; `create` is called when it is sure that they go together, for which files are opened twice.
 ///
 /// # Errors
-/// [`EditError`]: a pipe, streams that do not go together or begin with no keyframe, and what reading and writing may fail by.
+/// [`EditError`]: a pipe, streams that do not go together, have no frame or begin with no keyframe, and what reading and writing may fail
+/// by.
 ///
 /// # Panics
 /// Without any stream.
@@ -85,6 +86,9 @@ pub fn join<W: Write>(
                 None => time_ns.saturating_add(header.frame_rate.timestamp_ns(1)),
             };
             frames += 1;
+        }
+        if first_ns.is_none() {
+            return Err(fault(StreamFault::EndsBefore { frame: 0 }).into());
         }
         tell_if_left_out(&name, packets.skipped(), observer);
         tell_if_cut(&name, &packets, observer);

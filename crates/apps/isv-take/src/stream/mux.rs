@@ -15,7 +15,7 @@ use std::path::Path;
 /// Puts a stream into an MP4 file, byte for byte, and returns the file's sink and the number of frames. The file is complete.
 ///
 /// # Errors
-/// [`EditError`]: a stream that is damaged or cut off, and what reading and writing may fail by.
+/// [`EditError`]: a stream that is damaged, cut off or has no frame, and what reading and writing may fail by.
 pub fn mux<W: Write>(
     input: &Input,
     memory: MemoryLimit,
@@ -50,6 +50,9 @@ pub fn mux<W: Write>(
         return Err(EditError::Create(error));
     }
     end.map_err(fault)?;
+    if frames == 0 {
+        return Err(StreamFault::EndsBefore { frame: 0 }.in_stream(&name).into());
+    }
     match end_at {
         Some(end) => super::tell_if_more(input, end, observer),
         None => observer.event(&Event::Cut { name: name.clone() }),
