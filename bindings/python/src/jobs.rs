@@ -4,6 +4,7 @@ use crate::files::{PySink, Raised};
 use crate::options::Options;
 use crate::writer::TakeSink;
 use crate::{errors, threads};
+use isv::raw::format::FrameRate;
 use isv::raw::io::{Output, check_not_input};
 use isv::raw::metrics::CompareOptions;
 use isv::raw::take::capture::{Capture, Hints};
@@ -152,6 +153,12 @@ pub(crate) fn encode(
     Ok(report(&done))
 }
 
+/// The frame rate of a number of frames a second.
+pub(crate) fn frame_rate(fps: f64) -> PyResult<FrameRate> {
+    let why = || PyValueError::new_err(format!("fps is {fps}: a rate is above 0 (frames a second)"));
+    FrameRate::nearest(fps).ok_or_else(why)
+}
+
 /// Compares two captures. Returns JSON.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "each of them is one of the function in Python")]
@@ -166,8 +173,10 @@ pub(crate) fn evaluate(
     origins: [Option<[f64; 3]>; 2],
     up: [String; 2],
     animations: [Option<String>; 2],
+    fps: f64,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<String> {
+    let frame_rate = frame_rate(fps)?;
     if !(spacing > 0.0 && spacing.is_finite()) {
         return Err(PyValueError::new_err(format!("spacing is {spacing}: a length is above 0 (metres)")));
     }
@@ -182,7 +191,7 @@ pub(crate) fn evaluate(
             up.ok_or_else(|| PyValueError::new_err("up is \"y\", \"z\", \"x\", \"-y\", \"-z\" or \"-x\""))?;
         let colours = isv::raw::io::Colours::Keep;
         let usual = Hints::in_unit(unit, memory, Arc::clone(&observer)).with_origin(origin);
-        Ok::<_, PyErr>(Hints { up, colours, animation, ..usual })
+        Ok::<_, PyErr>(Hints { up, colours, animation, frame_rate, ..usual })
     };
     let hints = [hints(0)?, hints(1)?];
     let ranges = [frames, test_frames].map(|frames| {

@@ -1,7 +1,7 @@
 //! Pictures of frames: contact sheets, in their colours or by distance to a reference.
 
 use crate::errors;
-use crate::jobs::check_not_a_source;
+use crate::jobs::{check_not_a_source, frame_rate};
 use isv::raw::io::{Colours, Output};
 use isv::raw::take::capture::{Capture, Hints};
 use isv::raw::take::{FrameRange, Input, MemoryLimit, Observer};
@@ -20,9 +20,9 @@ use std::sync::Arc;
 /// Frames are drawn without an animation, whose rate this would be.
 const NO_RATE: PictureRate = PictureRate { pictures: 1, seconds: 1 };
 
-/// A reference: its path, unit, origin (in that unit), axis that points up, and first frame. The first frame is the number of its
-/// frame that belongs to frame 0 of the input.
-type Reference = (PathBuf, String, Option<[f64; 3]>, String, usize);
+/// A reference: its path, unit, origin (in that unit), axis that points up, first frame, animation, and frames a second at which that is
+/// sampled. The first frame is the number of its frame that belongs to frame 0 of the input.
+type Reference = (PathBuf, String, Option<[f64; 3]>, String, usize, Option<String>, f64);
 
 /// Draws frames of a stream, or of a capture in metres, into one PNG file. `range_m`: distance at which the colours of errors end (m).
 #[pyfunction]
@@ -53,12 +53,13 @@ pub(crate) fn draw(
     let observer: Arc<dyn Observer> = Arc::new(|_: &isv::raw::take::Event| {});
     let usual =
         Hints { colours: Colours::Keep, ..Hints::in_unit(Unit::Metre, MemoryLimit::default(), observer) };
-    let reference = against.map(|(path, unit, origin, up, first)| {
+    let reference = against.map(|(path, unit, origin, up, first, animation, fps)| {
         let unit: Unit = unit.parse().map_err(|why| PyValueError::new_err(format!("units: {why}")))?;
         let up = Up::ALL.into_iter().find(|axis| axis.name() == up);
         let up =
             up.ok_or_else(|| PyValueError::new_err("up is \"y\", \"z\", \"x\", \"-y\", \"-z\" or \"-x\""))?;
-        let hints = Hints { unit, up, colours: Colours::Drop, ..usual.clone() }.with_origin(origin);
+        let (colours, frame_rate) = (Colours::Drop, frame_rate(fps)?);
+        let hints = Hints { unit, up, colours, animation, frame_rate, ..usual.clone() }.with_origin(origin);
         Ok::<_, PyErr>((path, hints, first))
     });
     let reference = reference.transpose()?;

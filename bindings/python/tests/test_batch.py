@@ -32,6 +32,10 @@ from conftest import Command, box, half_written, skip_without, write_ply, write_
 
 COARSE = 0.04
 BARE = Choices(sample=0, pictures=0)
+NOBODY = (
+    "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\n"
+    "element face 0\nproperty list uchar int vertex_indices\nend_header\n"
+)
 
 
 def planned(folder: Path, takes: Iterable[Path], shard_frames: int = 4, **options: Any) -> Plan:
@@ -102,6 +106,27 @@ def test_a_shard_without_colour_has_a_place_for_it_where_the_take_has_colour(tmp
     plan = planned(tmp_path, [take])
     assert next(plan.takes())["settings"]["color"] is False
     assert inline(plan, tmp_path / "out").done == 1
+
+
+def test_a_shard_may_have_nobody_on_stage(tmp_path: Path) -> None:
+    take = write_take(tmp_path / "painted", 8, colored=True)
+    for number in range(4):
+        (take / f"frame_{number:04}.ply").write_text(NOBODY)
+    plan = planned(tmp_path, [take])
+    assert inline(plan, tmp_path / "out", Choices(sample=8, pictures=1, picture_size=64)).failed == []
+    found = (tmp_path / "out" / "takes" / "painted" / "take.isv").read_bytes()
+    assert found == serial(take, tmp_path / "serial.isv")
+    # What can be measured is.
+    (row,) = rows(plan, Store(str(tmp_path / "out")))
+    assert [frame["frame"] >= 4 for frame in row["errors"]["frames"]] == [True] * 4 and row["error"] is None
+    # What another plan has made is not done.
+    output = Store(str(tmp_path / "out"))
+    assert status(planned(tmp_path, [take], quality=20), output).done == 0
+    assert status(planned(tmp_path, [take]), output).done == 1
+    for number in range(4, 8):
+        (take / f"frame_{number:04}.ply").write_text(NOBODY)
+    refused = inline(planned(tmp_path, [take]), tmp_path / "empty")
+    assert "no surface in any frame" in refused.failed[0][1]
 
 
 def test_what_cannot_be_cut_is_one_shard(tmp_path: Path) -> None:

@@ -289,6 +289,16 @@ def plan_of(folder: Path, url: str) -> Plan:
     return Plan.open(folder / "plan.json")
 
 
+def test_a_take_of_an_object_store_that_begins_with_nobody_keeps_its_colours(bucket: str, tmp_path: Path) -> None:
+    take = write_take(tmp_path / "takes" / "a", 16, colored=True)
+    nobody = "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\n"
+    for number in range(7):
+        (take / f"frame_{number:04}.ply").write_text(nobody + "end_header\n")
+    upload(tmp_path / "takes", f"{bucket}/in")
+    (planned,) = plan_of(tmp_path, f"{bucket}/in").takes()
+    assert planned["settings"]["expect_color"] is True
+
+
 def test_ray_writes_to_an_object_store(bucket: str, tmp_path: Path) -> None:
     """Ray is started for this test alone: its workers know the store by the environment that they were started in."""
     try:

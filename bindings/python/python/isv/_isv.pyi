@@ -132,6 +132,7 @@ def evaluate(
     origins: list[tuple[float, float, float] | None],
     up: list[str],
     animations: list[str | None],
+    fps: float,
     progress: _Progress,
 ) -> str: ...
 def info(path: _Path) -> str: ...
@@ -150,7 +151,7 @@ def draw(
     frames: list[int],
     size: int,
     columns: int | None,
-    against: tuple[_Path, str, tuple[float, float, float] | None, str, int] | None,
+    against: tuple[_Path, str, tuple[float, float, float] | None, str, int, str | None, float] | None,
     range_m: float,
 ) -> None: ...
 def cut(input: _Path, output: _Path, frames: _Frames) -> int: ...

@@ -68,6 +68,7 @@ def evaluate(
     test_up: Literal["y", "z", "x", "-y", "-z", "-x"] = "y",
     animation: str | None = None,
     test_animation: str | None = None,
+    fps: float = 30.0,
     progress: Callable[[int, int | None], object] | None = None,
 ) -> dict[str, Any]:
     """Measure the errors of frames against a reference: of their geometry and of their colours.
@@ -86,6 +87,7 @@ def evaluate(
         test_up: Axis of what is measured that points up.
         animation: Animation of a reference in glTF, by name or number from 0 [default: the first that moves anything].
         test_animation: Animation of what is measured, as ``animation``.
+        fps: Frames a second at which animations are sampled.
         progress: Function that is called with the number of frames done, and None.
 
     Returns:
@@ -108,6 +110,7 @@ def evaluate(
         [_place("origin", origin), _place("test_origin", test_origin)],
         [up, test_up],
         [animation, test_animation],
+        number_of("fps", fps, "frames a second"),
         progress,
     )
     figures: dict[str, Any] = json.loads(json_text)
@@ -257,6 +260,8 @@ def draw(
     units: Literal["m", "dm", "cm", "mm", "in", "ft", "us-ft"] = "m",
     origin: Sequence[float] | None = None,
     up: Literal["y", "z", "x", "-y", "-z", "-x"] = "y",
+    animation: str | None = None,
+    fps: float = 30.0,
     error_range: float = 0.002,
 ) -> None:
     """Draw frames of a stream, or of a capture in metres, into one PNG file.
@@ -273,6 +278,8 @@ def draw(
         units: Unit of ``against``.
         origin: Place (x, y, z) of ``against``, in its unit, that is the origin.
         up: Axis of ``against`` that points up.
+        animation: Animation of ``against`` in glTF, by name or number from 0 [default: the first that moves anything].
+        fps: Frames a second at which it is sampled.
         error_range: Distance at which the colours of errors end (m).
 
     Raises:
@@ -282,7 +289,8 @@ def draw(
     """
     reference = None
     if against is not None:
-        reference = (_there(against), units, _place("origin", origin), up, int(against_first))
+        place, rate = _place("origin", origin), number_of("fps", fps, "frames a second")
+        reference = (_there(against), units, place, up, int(against_first), animation, rate)
     numbers = [int(number) for number in frames]
     _isv.draw(
         _there(path),

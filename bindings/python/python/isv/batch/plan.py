@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .. import _isv
+from .. import IsvError, _isv
 from .._jobs import settle
 from .sources import Source
 
@@ -22,6 +22,9 @@ __all__ = ["SHARD_FRAMES", "Plan", "key_of", "plan_take", "plan_takes", "shard_k
 
 SHARD_FRAMES = 300
 """Frames of a shard, about: it has whole groups of pictures."""
+
+_MOST_FETCHED = 192
+"""Frames at the start of a remote take that are copied at least, where none before has anything in it."""
 
 _VERSION = 1
 
@@ -77,7 +80,8 @@ def _plan_take(name: str, source: Source, options: dict[str, Any], shard_frames:
     local = source.local(scratch, 0, 0) if not source.is_local else Path(source.url)
     if not source.is_local:
         _fetch_samples(source, scratch, frames, shard_frames)
-    decided = settle(local, every=shard_frames, frames=tuple(frames) if frames else None, **options)
+    asked = {**options, "every": shard_frames, "frames": tuple(frames) if frames else None}
+    decided = _settle(local, source, scratch, frames, asked)
     first, end = decided["frames"]
     if first >= end:
         raise ValueError(f"{source.url}: there are no frames")
@@ -108,6 +112,19 @@ def _plan_take(name: str, source: Source, options: dict[str, Any], shard_frames:
     elif bitrate is not None:
         take["bitrate_mbps"] = bitrate
     return take
+
+
+def _settle(local: Path, source: Source, scratch: Path, frames: Any, options: dict[str, Any]) -> dict[str, Any]:
+    """What must not differ between shards. Where a remote take begins with an empty stage, more of its frames are copied."""
+    fetched, first = 3, frames[0] if frames else 0
+    while True:
+        try:
+            return settle(local, **options)
+        except IsvError:
+            if source.is_local or fetched >= _MOST_FETCHED:
+                raise
+            source.local(scratch, first + fetched, first + 2 * fetched)
+            fetched *= 2
 
 
 def _fetch_samples(source: Source, scratch: Path, frames: Any, shard_frames: int) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 
 from .plan import Plan
 from .storage import Store
-from .tasks import shard_name, take_folder
+from .tasks import planned_key, shard_name, take_folder
 
 __all__ = ["COLUMNS", "Status", "rows", "status", "write_report"]
 
@@ -107,7 +107,9 @@ def _row(take: Row, output: Store) -> Row:
     if failed is not None:
         return {**base, "status": "failed", "error": failed["error"]}
     row = output.read_json(f"{take_folder(take)}/take.json")
-    if row is None:
+    key = planned_key(take)
+    # What another plan has made is not done.
+    if row is None or row.get("planned", key) != key:
         return {**base, "status": "waiting"}
     errors = row.get("errors", {})
     frames = errors.get("frames", [])

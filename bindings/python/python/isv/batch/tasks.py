@@ -28,7 +28,7 @@ from .rate import PROBES
 from .sources import Source
 from .storage import Store
 
-__all__ = ["run_task", "shard_name", "take_folder", "take_key"]
+__all__ = ["planned_key", "run_task", "shard_name", "take_folder", "take_key"]
 
 Task = dict[str, Any]
 
@@ -53,6 +53,11 @@ def shard_name(take: Task, shard: Task) -> str:
 def take_key(take: Task, settings: dict[str, Any], finish: dict[str, Any]) -> str:
     """What a finished take is known by: its shards, and what is made of them."""
     return key_of([shard_key(take, shard, settings) for shard in take["shards"]], finish)
+
+
+def planned_key(take: Task) -> str:
+    """What a take of a plan is known by: its inputs and the settings of the plan, whatever is made of them."""
+    return key_of([shard_key(take, shard, take["settings"]) for shard in take["shards"]], take.get("bitrate_mbps"))
 
 
 def run_task(task: Task) -> Task:
@@ -189,6 +194,7 @@ def _encode(task: Task) -> Task:
             "inputs": shard["inputs"],
             "settings": settings,
             "coded": report.frames,
+            "empty": report.empty,
             "skipped": report.skipped,
             "notes": task["notes"],
             "bytes": report.bytes,
@@ -229,12 +235,16 @@ def _finish(task: Task) -> Task:
                 raise ValueError(f"{name}.isv: the shard is damaged; run the plan again")
             parts.append(path)
             figures.append(known)
+        # A shard may have nobody on stage, but not all of them.
+        if sum(part.get("empty", 0) for part in figures) == sum(part["coded"] for part in figures):
+            raise ValueError(f"{take['source']}: no surface in any frame")
         stream = scratch / "take.isv"
         frames = join(parts, stream, keep_times=True)
         verified, _ = verify(stream)
         facts = info(stream)
         row |= {
             "status": "done",
+            "planned": planned_key(take),
             "frames": frames,
             "seconds": facts["frames"] / facts["fps"],
             "bytes": facts["bytes"],
@@ -278,6 +288,7 @@ def _errors(take: Task, figures: list[Task], stream: Path, scratch: Path, finish
     settings = take["settings"]
     source = Source(take["source"])
     measured: list[Task] = []
+    why_not = "no frame was to be measured"
     for coded, captured in chosen:
         path = source.local(scratch, captured, captured + 1)
         try:
@@ -290,13 +301,17 @@ def _errors(take: Task, figures: list[Task], stream: Path, scratch: Path, finish
                 units=settings.get("units", "m"),
                 origin=settings.get("origin"),
                 up=settings.get("up", "y"),
+                animation=settings.get("animation"),
+                fps=take["fps"],
             )
         except ValueError as error:
-            return {"why_not": _sentence(error), "frames": []}
+            # An empty stage, for example: other frames may have something to measure.
+            why_not = _sentence(error)
+            continue
         figure = {name: found[name] for name in _FIGURES if isinstance(found.get(name), (int, float))}
         measured.append({"frame": captured, "coded": coded, **figure})
     if not measured:
-        return {"why_not": "no frame was to be measured", "frames": []}
+        return {"why_not": why_not, "frames": []}
     means = {}
     for name in _FIGURES:
         values = [frame[name] for frame in measured if name in frame]
@@ -336,6 +351,8 @@ def _pictures(take: Task, errors: Task, stream: Path, scratch: Path, finish: dic
             "units": settings.get("units", "m"),
             "origin": settings.get("origin"),
             "up": settings.get("up", "y"),
+            "animation": settings.get("animation"),
+            "fps": take["fps"],
             "error_range": max(take["voxel"] / 2, 5e-4),
         }
     for against in (reference, {}):
