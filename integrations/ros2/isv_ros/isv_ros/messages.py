@@ -37,6 +37,7 @@ class Sender:
         self._gop = gop
         self._stream = -1
         self._writer: isv.Writer | None = None
+        self._had_colors = False
         self._sink = _Sink()
         self._number = 0
 
@@ -50,6 +51,7 @@ class Sender:
             TypeError: The frame is none of these.
             ValueError: It cannot be used. The next frame begins a group.
         """
+        self._had_colors |= getattr(frame, "colors", None) is not None
         if self._writer is None or self._number == self._gop:
             self._begin()
         assert self._writer is not None
@@ -64,7 +66,9 @@ class Sender:
 
     def _begin(self) -> None:
         self._sink = _Sink()
-        self._writer = isv.Writer(self._sink, **self._options)
+        # A group may begin with an empty frame, which has no colours.
+        expected = {"expect_color": True} if self._had_colors and self._options.get("color", True) else {}
+        self._writer = isv.Writer(self._sink, **{**self._options, **expected})
         self._stream = (self._stream + 1) % _WRAP
         self._number = 0
 

@@ -27,7 +27,9 @@ class CloudSender(Node):
         self._sender = Sender(voxel=voxel, gop=gop, quality=quality, up="z", estimate_normals=True)
         reliable = QoSProfile(depth=gop, reliability=ReliabilityPolicy.RELIABLE)
         self._publisher = self.create_publisher(UInt8MultiArray, "isv", reliable)
-        self.create_subscription(PointCloud2, "cloud", self._on_cloud, 1)
+        # Drivers of sensors mostly publish so, which those who ask for more do not receive.
+        latest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self.create_subscription(PointCloud2, "cloud", self._on_cloud, latest)
 
     def _on_cloud(self, cloud: PointCloud2) -> None:
         try:

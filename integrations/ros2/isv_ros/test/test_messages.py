@@ -29,6 +29,14 @@ def field(frame: int) -> isv.Volume:
     return isv.Volume(0.02, coords, distances.astype(np.float32), 3)
 
 
+def test_a_group_that_begins_with_nothing_keeps_its_colours():
+    sender, receiver = Sender(voxel=0.02, gop=2), Receiver()
+    nothing = np.zeros((0, 3), np.float32)
+    for frame in (ball(0), ball(1), isv.Points(nothing, nothing), ball(3)):
+        (arrived,) = receiver.push(sender.push(frame))
+    np.testing.assert_allclose(np.median(arrived.mesh().colors, axis=0), [200, 60, 20], atol=6)
+
+
 def test_frames_arrive_one_by_one():
     sender, receiver = Sender(voxel=0.02, gop=4), Receiver()
     for frame in range(10):

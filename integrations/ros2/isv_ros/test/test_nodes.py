@@ -21,7 +21,7 @@ class Node:
     """What the nodes use of rclpy's."""
 
     def __init__(self, name):
-        self.published, self.subscriptions, self.warnings = [], {}, []
+        self.published, self.subscriptions, self.warnings, self.qualities = [], {}, [], {}
 
     def declare_parameter(self, name, value):
         return SimpleNamespace(value={"voxel": 0.02}.get(name, value))
@@ -31,6 +31,7 @@ class Node:
 
     def create_subscription(self, kind, topic, receive, quality):
         self.subscriptions[topic] = receive
+        self.qualities[topic] = quality
 
     def get_logger(self):
         return SimpleNamespace(warning=self.warnings.append)
@@ -45,7 +46,7 @@ def nodes(monkeypatch):
     stand_ins = {
         "rclpy": {},
         "rclpy.node": {"Node": Node},
-        "rclpy.qos": {"QoSProfile": dict, "ReliabilityPolicy": SimpleNamespace(RELIABLE=1)},
+        "rclpy.qos": {"QoSProfile": dict, "ReliabilityPolicy": SimpleNamespace(RELIABLE=1, BEST_EFFORT=2)},
         "sensor_msgs": {},
         "sensor_msgs.msg": {"PointCloud2": Message, "PointField": Message},
         "std_msgs": {},
@@ -74,6 +75,7 @@ def cloud(positions, colours):
 
 def test_a_cloud_comes_out_where_it_was_and_in_its_colours(nodes):
     sender, receiver = nodes.CloudSender(), nodes.CloudReceiver()
+    assert sender.qualities["cloud"]["reliability"] == 2, "what publishes reliably is received too"
     directions = np.random.default_rng(1).normal(size=(20_000, 3))
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     positions = (0.3 * directions + [1.0, 2.0, 3.0]).astype(np.float32)
