@@ -356,7 +356,7 @@ fn codecs_of_points_are_compared_and_shown_in_colour() {
         let arguments: Vec<_> = compare(codecs, tools);
         arguments
             .into_iter()
-            .map(|a| if a == "--voxel=20mm" { "--voxel=60mm" } else { a })
+            .map(|a| if a == "--voxel=20mm" { "--voxel=120mm" } else { a })
             .collect::<Vec<_>>()
     };
     let run = workspace.isv(&coarse("main-realtime,tmc13-octree,tmc2", &tools)).done();
