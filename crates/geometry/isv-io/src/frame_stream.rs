@@ -15,7 +15,10 @@ use thiserror::Error;
 /// cannot be asked how much it holds.
 pub const MAX_FRAME_BYTES: u64 = 1 << 30;
 
-/// Bytes that tell what a pipe holds: the magic of a tar archive is the last of them.
+/// Bytes that tell a PLY file: a byte order mark, the first word and what ends it.
+const PLY_BYTES: u64 = 7;
+
+/// Bytes that tell a tar archive: its magic is the last of them.
 const HEAD_BYTES: u64 = 262;
 
 /// What the bytes looked at and those after them are read from.
@@ -129,10 +132,14 @@ impl<R: Read> FrameStream<R> {
     /// [`FrameStreamError::Empty`], [`FrameStreamError::NotFrames`], or [`FrameStreamError::Io`].
     pub fn new(mut reader: R, unit: Unit) -> Result<Self, FrameStreamError> {
         let mut head = Vec::new();
-        reader.by_ref().take(HEAD_BYTES).read_to_end(&mut head)?;
+        reader.by_ref().take(PLY_BYTES).read_to_end(&mut head)?;
         let start = head.strip_prefix(UTF8_MARK).unwrap_or(&head);
         let is_ply = start.get(..3).is_some_and(|word| word.eq_ignore_ascii_case(b"ply"))
             && start.get(3).is_some_and(u8::is_ascii_whitespace);
+        // The first frame may be smaller than the head of an archive, and the next one come later.
+        if !is_ply {
+            reader.by_ref().take(HEAD_BYTES - PLY_BYTES).read_to_end(&mut head)?;
+        }
         let is_tar = head.ends_with(b"ustar") && head.len() as u64 == HEAD_BYTES;
         let is_empty = head.is_empty();
         let joined = Cursor::new(head).chain(reader);

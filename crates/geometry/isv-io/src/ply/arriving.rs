@@ -103,6 +103,10 @@ impl Rows {
                 }
             }
         }
+        // Without rows the file ends with its header, whose last line is over.
+        if self.end == header.body_offset {
+            return true;
+        }
         let Some(length) = bytes[self.searched..].iter().position(|b| matches!(b, b'\n' | b'\r')) else {
             self.searched = bytes.len();
             return false;
