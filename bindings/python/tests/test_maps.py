@@ -98,6 +98,12 @@ def test_grids_of_open3d_become_volumes(edge: Any) -> None:
     assert np.nanmax(np.abs(found.distances - volume.distances)) < 1e-5
 
 
+@pytest.mark.parametrize("at", [-4000, -1, 0, 5, 30, 50, 333, 20_000])
+def test_the_voxel_of_a_grid_of_open3d_does_not_depend_on_its_blocks(at: int) -> None:
+    block = isv.Volume(VOXEL, np.array([[at, 0, 0]], np.int32), np.zeros((1, 8, 8, 8), np.float32))
+    assert maps.from_open3d(FakeGrid(block, 6.0), truncation=6.0).voxel == VOXEL
+
+
 def test_grids_of_open3d_itself_become_volumes_and_come_back() -> None:
     open3d = pytest.importorskip("open3d", reason="open3d is not installed")
     field = sphere_field()

@@ -396,7 +396,11 @@ def _open3d_voxel(grid: Any) -> float:
     if len(slots) == 0:
         return 1.0
     places = np.unique(_numpy(grid.voxel_coordinates_and_flattened_indices(slots[:1])[0])[:, 0])
-    return float(places[-1] - places[0]) / (len(places) - 1)
+    first = int(_numpy(grid.hashmap().key_tensor())[int(_numpy(slots)[0]), 0]) * len(places)
+    ends = [(first, places[0]), (first + len(places) - 1, places[-1])]
+    # Places are in single precision: of the end with the larger number less is rounded for each voxel.
+    number, place = max(ends, key=lambda end: abs(end[0]))
+    return round(float(place) / number, 8)
 
 
 def _sorted(coords: NDArray[Any], distances: NDArray[np.float32], voxel: float, truncation: int) -> Volume:
