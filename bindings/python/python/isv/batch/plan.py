@@ -115,7 +115,7 @@ def _plan_take(name: str, source: Source, options: dict[str, Any], shard_frames:
 
 
 def _settle(local: Path, source: Source, scratch: Path, frames: Any, options: dict[str, Any]) -> dict[str, Any]:
-    """What must not differ between shards. Where a remote take begins with an empty stage, more of its frames are copied."""
+    """What must not differ between shards. More frames of a remote take are copied where it begins with nothing."""
     fetched, first = 3, frames[0] if frames else 0
     while True:
         try:
