@@ -188,6 +188,31 @@ fn primitives_have_their_materials_and_share_their_vertices() {
     assert_eq!(appearance(&mesh).materials.len(), 3);
 }
 
+/// Images of one address, or of one view, are decoded and counted once.
+#[test]
+fn images_that_are_the_same_are_one() {
+    let twice = |images: fn(&Value) -> Value| {
+        square(|json, _| {
+            let mut second = json["meshes"][0]["primitives"][0].clone();
+            second["material"] = 1.into();
+            json["meshes"][0]["primitives"].as_array_mut().unwrap().push(second);
+            json["images"] = images(&json["images"][0]);
+            json["textures"] = json!([{ "source": 0 }, { "source": 1 }]);
+            let mut material = json["materials"][0].clone();
+            material["pbrMetallicRoughness"]["baseColorTexture"]["index"] = 1.into();
+            json["materials"].as_array_mut().unwrap().push(material);
+        })
+    };
+    let of_views = mesh(&twice(|image| json!([image, image])));
+    let of_files = twice(|_| json!([{ "uri": "a.png" }, { "uri": "a.png" }]));
+    let of_files = as_mesh(read(&[("a.glb", &of_files), ("a.png", &four_colours())]).unwrap());
+    for mesh in [of_views, of_files] {
+        let materials = &appearance(&mesh).materials;
+        let textures: Vec<_> = materials.iter().map(|material| material.texture.as_ref().unwrap()).collect();
+        assert!(textures.len() == 2 && Arc::ptr_eq(textures[0], textures[1]));
+    }
+}
+
 #[test]
 fn mirrors_turn_texture_coordinates_over_too() {
     let glb = square(|json, _| json["nodes"][0]["scale"] = json!([-1, 1, 1]));
