@@ -52,7 +52,7 @@ python_environment() {
     ) 9>target/venv.lock
 }
 
-# Two minutes of fuzzing find as much in targets that take a third less time to compile. Panics say their line without debug information.
+# For two minutes of fuzzing, compiling takes longest: 546 s of processors for 623. Panics say their line without debug information.
 compile_fuzz_targets_fast() { export CARGO_PROFILE_RELEASE_OPT_LEVEL=1 CARGO_PROFILE_RELEASE_DEBUG=false; }
 
 has_vulkan() { compgen -G "/usr/share/vulkan/icd.d/*.json" >/dev/null || compgen -G "/etc/vulkan/icd.d/*.json" >/dev/null; }

@@ -24,7 +24,7 @@ SHARD_FRAMES = 300
 """Frames of a shard, about: it has whole groups of pictures."""
 
 _MOST_FETCHED = 192
-"""Frames at the start of a remote take that are copied at least, where none before has anything in it."""
+"""Frames at the start of a remote take that are copied at most, where none before has anything in it."""
 
 _VERSION = 1
 
@@ -121,7 +121,8 @@ def _settle(local: Path, source: Source, scratch: Path, frames: Any, options: di
         try:
             return settle(local, **options)
         except IsvError:
-            if source.is_local or fetched >= _MOST_FETCHED:
+            # A take in one file has been copied whole.
+            if source.is_local or fetched >= _MOST_FETCHED or source.frame_count(scratch) is None:
                 raise
             source.local(scratch, first + fetched, first + 2 * fetched)
             fetched *= 2

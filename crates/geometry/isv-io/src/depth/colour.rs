@@ -5,10 +5,12 @@ use super::distortion::{Distortion, DistortionKeys};
 use super::error::DepthFileError;
 use super::json::{Number, WrittenPose};
 use super::listing::list_files;
+use super::times;
 use super::{BadPose, DepthSequence, Optics, Poses, rig};
 use crate::Colours;
 use crate::image::{decode, read_file};
 use crate::inside::inside;
+use crate::text::parse_billionths;
 use glam::DVec2;
 use isv_volume::{CameraPose, ColourView, Image, Intrinsics, MAX_PIXELS};
 use serde::Deserialize;
@@ -32,9 +34,6 @@ const KINECT_SIZE: [u32; 2] = [640, 480];
 
 /// Share by which the shape of an image may differ from its lens's: sizes of video are rounded to even numbers.
 const SHAPE_TOLERANCE: f64 = 0.01;
-
-/// Colour images this near to a depth image belong to it, in seconds, as in TUM's captures.
-const NEAR_S: f64 = 0.02;
 
 /// The key that names colour images. Only `colour` is this format's own: what else stands under the other names, as other programs
 /// write it, is passed over.
@@ -287,43 +286,34 @@ fn paired(
 /// The colour image nearest in time to each depth image, if names are seconds. It is at most half as far away as colour images are from
 /// each other. `None` where no image is, and where equally many images are as far apart in order, all of them: clocks may differ.
 fn nearest_in_time(images: &[PathBuf], depths: &[PathBuf]) -> Option<Vec<Option<PathBuf>>> {
-    let by_time = in_time(images)?;
-    let depths_by_time = in_time(depths)?;
-    let mut apart: Vec<f64> = by_time.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
-    apart.sort_by(f64::total_cmp);
-    let farthest = (0.5 * apart.get(apart.len().saturating_sub(1) / 2).copied().unwrap_or(0.0)).max(NEAR_S);
+    let (by_time, depths_by_time) = (in_time(images)?, in_time(depths)?);
+    let stamps: Vec<i128> = by_time.iter().map(|(time, _)| *time).collect();
+    let half_step_s = times::median_step(&stamps).map_or(0.0, |step| 0.5 * step);
+    let limit = (half_step_s.max(times::COLOUR_LIMIT_S) * 1e9) as i128;
     if images.len() == depths.len() {
         let apart = || by_time.iter().zip(&depths_by_time).map(|(colour, depth)| colour.0 - depth.0);
-        let spread = apart().fold(f64::MIN, f64::max) - apart().fold(f64::MAX, f64::min);
-        if spread <= farthest {
+        if apart().max()? - apart().min()? <= limit {
             return None;
         }
     }
-    let nearest = |time: f64| {
-        let behind = by_time.partition_point(|(other, _)| *other < time);
-        let around = &by_time[behind.saturating_sub(1)..by_time.len().min(behind + 1)];
-        let found = around.iter().map(|(other, path)| ((other - time).abs(), *path));
-        let (distance, path) = found.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        (distance <= farthest).then(|| path.clone())
-    };
-    let paths: Vec<Option<PathBuf>> = depths.iter().map(|path| nearest(seconds_in(path)?)).collect();
+    let nearest = |path| times::nearest(&by_time, time_in(path)?, limit).map(|(_, path)| (*path).clone());
+    let paths: Vec<Option<PathBuf>> = depths.iter().map(|path| nearest(path)).collect();
     paths.iter().any(Option::is_some).then_some(paths)
 }
 
 /// Images by time, if their names are seconds, all of them different.
-fn in_time(paths: &[PathBuf]) -> Option<Vec<(f64, &PathBuf)>> {
-    let mut by_time =
-        paths.iter().map(|path| Some((seconds_in(path)?, path))).collect::<Option<Vec<(f64, &PathBuf)>>>()?;
-    by_time.sort_by(|a, b| a.0.total_cmp(&b.0));
+fn in_time(paths: &[PathBuf]) -> Option<Vec<(i128, &PathBuf)>> {
+    let mut by_time: Vec<_> = paths.iter().map(|path| Some((time_in(path)?, path))).collect::<Option<_>>()?;
+    by_time.sort_unstable();
     by_time.windows(2).all(|pair| pair[0].0 < pair[1].0).then_some(by_time)
 }
 
-/// The time that the name of a file is, in seconds: digits, a point and digits.
-fn seconds_in(path: &Path) -> Option<f64> {
+/// The time that the name of a file is, in nanoseconds: seconds as digits, a point and digits.
+fn time_in(path: &Path) -> Option<i128> {
     let stem = path.file_stem()?.to_str()?;
     let (whole, fraction) = stem.split_once('.')?;
     let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
-    (is_number(whole) && is_number(fraction)).then(|| stem.parse().ok())?
+    (is_number(whole) && is_number(fraction)).then(|| parse_billionths(stem))?
 }
 
 /// The last number in the name of a file, its extension left out.
@@ -545,7 +535,8 @@ mod tests {
         let pair = |colours: &[&str], depths: &[&str]| nearest_in_time(&paths(colours), &paths(depths));
         let names = |names: &[Option<&str>]| Some(names.iter().map(|name| name.map(PathBuf::from)).collect());
         // The last number is that of another second; images are dropped on both sides.
-        let colours = ["100.190.jpg", "100.310.jpg", "100.410.jpg", "105.200.jpg", "109.400.jpg"];
+        let colours =
+            ["100.190.jpg", "100.310.jpg", "100.410.jpg", "105.200.jpg", "105.310.jpg", "109.400.jpg"];
         let depths = ["100.200.png", "100.300.png", "100.400.png", "102.000.png", "105.201.png"];
         let expected = [Some(colours[0]), Some(colours[1]), Some(colours[2]), None, Some(colours[3])];
         assert_eq!(pair(&colours, &depths), names(&expected));

@@ -9,6 +9,9 @@ use std::path::Path;
 /// Billionths to a unit: a number `x` is kept as `x * 1e9`.
 const NANO: i128 = 1_000_000_000;
 
+/// How far, in seconds, the colour image nearest in time may be from a depth image; depth images without such an image have no colour.
+pub(crate) const COLOUR_LIMIT_S: f64 = 0.02;
+
 /// The years 2000 to 2040 in billionths of seconds since 1970.
 const YEARS: std::ops::Range<i128> = 946_684_800 * NANO..2_208_988_800 * NANO;
 
@@ -100,12 +103,19 @@ impl TimeUnit {
     }
 }
 
+/// The image nearest to a time, of images in order of time, if it is near enough.
+pub(crate) fn nearest<T>(images: &[(i128, T)], time: i128, limit: i128) -> Option<&(i128, T)> {
+    let next = images.partition_point(|(other, _)| *other < time);
+    let around = images[next.saturating_sub(1)..].iter().take(2);
+    around.min_by_key(|(other, _)| (other - time).abs()).filter(|(other, _)| (other - time).abs() <= limit)
+}
+
 fn has_decimals(stamps: &[i128]) -> bool {
     stamps.iter().any(|stamp| stamp % NANO != 0)
 }
 
 /// The median of the distances above 0 between neighbours, in units.
-fn median_step(stamps: &[i128]) -> Option<f64> {
+pub(crate) fn median_step(stamps: &[i128]) -> Option<f64> {
     let mut steps: Vec<i128> =
         stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0).collect();
     steps.sort_unstable();

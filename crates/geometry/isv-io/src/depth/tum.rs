@@ -30,9 +30,6 @@ pub const TUM_DEPTH_SCALE_M: f64 = 1.0 / 5000.0;
 /// How far, in seconds, the pose nearest in time may be from an image's time stamp; images without such a pose are left out.
 pub const TUM_TIME_LIMIT_S: f64 = 0.05;
 
-/// How far, in seconds, the colour image nearest in time may be from a depth image; depth images without such an image have no colour.
-pub(crate) const TUM_COLOUR_LIMIT_S: f64 = 0.02;
-
 /// `camera.json` beside the lists.
 #[derive(Debug, Deserialize)]
 struct CameraFile {
@@ -137,13 +134,11 @@ fn read_colours(
     let images = read_images(beside.folder, beside.file)?;
     let images: Vec<(i128, PathBuf)> =
         images.into_iter().map(|(time, path)| (unit.nanoseconds(time), path)).collect();
-    let limit_ns = (TUM_COLOUR_LIMIT_S * 1e9) as i128;
+    let limit_ns = (times::COLOUR_LIMIT_S * 1e9) as i128;
     let nearest = |time_ns: &i128| {
-        let next = images.partition_point(|(t, _)| t < time_ns);
-        let around = images[next.saturating_sub(1)..].iter().take(2);
-        let image = around.min_by_key(|(t, _)| (t - time_ns).abs())?;
-        let pose = trajectory.at(image.0)?.ok()?;
-        ((image.0 - time_ns).abs() <= limit_ns).then(|| (pose, image.1.clone()))
+        let (shown_ns, path) = times::nearest(&images, *time_ns, limit_ns)?;
+        let pose = trajectory.at(*shown_ns)?.ok()?;
+        Some((pose, path.clone()))
     };
     let found: Vec<Option<(CameraPose, PathBuf)>> = times_ns.iter().map(nearest).collect();
     // A frame without an image needs no pose.

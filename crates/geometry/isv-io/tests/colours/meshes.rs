@@ -55,8 +55,11 @@ fn texture_coordinates_follow_the_corners_of_clipped_polygons() {
 /// The colours of vertices show where no texture does.
 #[test]
 fn a_texture_replaces_the_colours_of_its_vertices() {
-    let text = "mtllib a.mtl\nv 0 0 0 .1 .1 .1\nv 1 0 0 .2 .2 .2\nv 1 1 0 .3 .3 .3\nv 0 0 1 0 1 0\nv 0 1 1 0 1 0\nv 1 0 1 0 1 0\n\
-        vt .25 .25\nvt .75 .25\nvt .75 .75\nusemtl a\nf 1/1 2/2 3/3\nf 4 5 6\n";
+    let grey = ["v 0 0 0 .1 .1 .1", "v 1 0 0 .2 .2 .2", "v 1 1 0 .3 .3 .3"];
+    let green = ["v 0 0 1 0 1 0", "v 0 1 1 0 1 0", "v 1 0 1 0 1 0"];
+    let coordinates = ["vt .25 .25", "vt .75 .25", "vt .75 .75"];
+    let faces = ["mtllib a.mtl", "usemtl a", "f 1/1 2/2 3/3", "f 4 5 6"];
+    let text = [&grey[..], &green, &coordinates, &faces].concat().join("\n");
     let library: &[u8] = b"newmtl a\nmap_Kd a.png";
     let files = [("a.obj", text.as_bytes()), ("a.mtl", library), ("a.png", &four_colours())];
     let mesh = as_mesh(read(&files).unwrap());
