@@ -58,7 +58,6 @@ fn parse(text: &str) -> Result<EncoderSettings> {
             "filter" => main.filter.0 = value.parse()?,
             "filter_search" => main.filter_search = value.parse()?,
             "refinement" => main.refinement = value.parse()?,
-            "step_share" => main.step_share = value.parse()?,
             "keyframe_lambda" => main.keyframe_lambda = value.parse()?,
             "half" => main.half_voxel_vectors = value.parse()?,
             "preset" => *main = preset(value)?.settings(),

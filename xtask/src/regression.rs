@@ -137,7 +137,7 @@ fn measure_row(take: &dyn Take, codec: &str, voxel_m: f64, spacing_m: f64) -> Re
     let subject =
         Subject::prepare(codec, take, &[], &settings, &Tools::default())?.context("isv needs no program")?;
     let point = match codec {
-        Codec::Main(_) => OperatingPoint::Step { step_m: 2.2 * voxel_m },
+        Codec::Main(_) => OperatingPoint::Step { step_m: 1.8 * voxel_m },
         _ => OperatingPoint::Steps { coefficients: 64, dc_step_m: 0.2 * voxel_m, ac_step_m: 2.0 * voxel_m },
     };
     let record = subject.measure(point, &mut || ())?.record;

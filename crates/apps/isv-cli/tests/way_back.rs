@@ -76,7 +76,8 @@ fn survey_coordinates_come_back_to_the_millimetre() {
     }
     for name in ["far.pcd", "far.xyz", "far_points.ply"] {
         work.isv(&["decode", "take.isv", "-o", name, "--as=points", flag, "--frames", "0..1"]).done();
-        assert_near(bounds(&work, name), moved, 1e-2);
+        // Points lie some way from the farthest vertex. Single precision would be off by half a metre.
+        assert_near(bounds(&work, name), moved, 3e-2);
     }
     // Animated too, in which every node is moved.
     work.isv(&["decode", "take.isv", "-o", "film.glb", flag]).done();

@@ -200,7 +200,7 @@ fn what_is_not_exact_yet_is_near() {
         assert!(shown.inexact_blocks > 0);
         let (near, old) = (difference(shown.volume, &whole[lost + 1]), difference(&held, &whole[lost + 1]));
         println!("frame {}: {near:.0} codes off, {old:.0} if the last one were held", lost + 1);
-        assert!(near < 0.5 * old);
+        assert!(near < 0.65 * old);
     }
 }
 

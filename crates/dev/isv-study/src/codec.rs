@@ -152,8 +152,8 @@ const DC_SHARE: f64 = 0.1;
 /// Steps of the trained transform in voxels. It has no DC coefficient to protect: one step serves all.
 const UNIFORM_STEPS_VOXELS: [f64; POINTS] = [0.5, 1.0, 2.0, 4.0, 8.0];
 
-/// Steps of profile `main` in voxels; 2.2 is the encoder's default.
-const MAIN_STEPS_VOXELS: [f64; POINTS] = [0.9, 1.4, 2.2, 3.5, 5.5];
+/// Steps of profile `main` in voxels; 1.8 is the encoder's default.
+const MAIN_STEPS_VOXELS: [f64; POINTS] = [0.75, 1.15, 1.8, 2.9, 4.5];
 
 /// Draco's bits beyond those that make its step a voxel: a mesh needs finer positions than a volume needs voxels.
 const BITS_BEYOND_A_VOXEL: [i32; POINTS] = [3, 2, 1, 0, -1];

@@ -125,7 +125,7 @@ const CUT_SPATIAL_SHARE: f64 = 0.5;
 /// Likeness is known only if the last frame was predicted.
 const CUT_BYTES_SHARE: f64 = 0.7;
 /// Cost of a keyframe over that of the predicted frame, up to which a frame unlike those before becomes one: decoding can begin there.
-const CUT_BONUS: f32 = 1.25;
+const CUT_BONUS: f32 = 1.5;
 /// Ratio of a frame's bytes a block to those of the last frame, above which it is unlike those before. What moves too fast to
 /// be predicted well, as cloth in the wind, does so in every frame, and is not cut.
 const UNLIKE: f64 = 1.25;
@@ -327,7 +327,6 @@ impl<B: SearchBackend> MainEncoder<B> {
     ) -> CodedFrame {
         let Source { targets, skipped, shifts, .. } = *source;
         let slices = self.slices;
-        let quality = quality.with_step_share(self.settings.step_share);
         let fresh;
         let before = match keyframe {
             true => {

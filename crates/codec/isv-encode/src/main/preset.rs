@@ -38,14 +38,7 @@ impl Preset {
         match self {
             Self::Realtime => MainSettings { trials: 1, slices: 2, effort: SearchEffort::QUICK, ..balanced },
             Self::Balanced => balanced,
-            Self::Archive => MainSettings {
-                trials: 3,
-                filter_search: true,
-                refinement: true,
-                step_share: 1.15,
-                keyframe_lambda: 0.3,
-                ..balanced
-            },
+            Self::Archive => MainSettings { trials: 3, filter_search: true, refinement: true, ..balanced },
         }
     }
 }

@@ -21,7 +21,7 @@ use error_bound::ErrorControl;
 pub const FINEST_STEP: f64 = 0.1;
 /// The coarsest step that rate control takes, in voxels: beyond it surfaces come apart and go missing, and bits hardly fall
 /// (`docs/design/019-rate-control.md`).
-pub const COARSEST_STEP: f64 = 12.0;
+pub const COARSEST_STEP: f64 = 10.0;
 
 /// What the steps of a stream's frames are chosen for.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -28,11 +28,11 @@ pub struct FrameQuality {
 
 impl FrameQuality {
     /// Lambda that goes well with any step, between keyframes.
-    const LAMBDA: f32 = 0.03;
+    const LAMBDA: f32 = 0.05;
 
     /// Steps of the qualities 0 and 100, in voxels.
-    const STEP_OF_0: f32 = 8.0;
-    const STEP_OF_100: f32 = 0.6;
+    const STEP_OF_0: f32 = 6.5;
+    const STEP_OF_100: f32 = 0.5;
 
     /// The quality of a step.
     #[must_use]
@@ -40,7 +40,7 @@ impl FrameQuality {
         Self { step, lambda: Self::LAMBDA }
     }
 
-    /// The step of a quality from 0 to 100: 8 voxels to 0.6 voxel, geometrically, as eyes judge by ratios. 50 is 2.2
+    /// The step of a quality from 0 to 100: 6.5 voxels to 0.5 voxel, geometrically, as eyes judge by ratios. 50 is 1.8
     /// voxels.
     #[must_use]
     pub fn of_quality(quality: f32) -> Self {
@@ -53,11 +53,6 @@ impl FrameQuality {
     pub fn to_quality(self) -> f32 {
         let share = (self.step / Self::STEP_OF_0).ln() / (Self::STEP_OF_100 / Self::STEP_OF_0).ln();
         (100.0 * share).clamp(0.0, 100.0)
-    }
-
-    /// Another step, and the lambda that there was.
-    pub(super) fn with_step_share(self, share: f32) -> Self {
-        Self { step: share * self.step, lambda: self.lambda / (share * share) }
     }
 
     /// The step as it is coded.
@@ -91,8 +86,6 @@ pub struct MainSettings {
     /// Whether levels are searched from several starts, under the models' own bits, and each is given up to see if the others
     /// do without it. Some ten times the work.
     pub refinement: bool,
-    /// Factor on the step of every frame; lambda stays. Where levels are refined, fewer and larger ones do.
-    pub step_share: f32,
     /// Lambda of keyframes, whose errors stay until the next one, over that of other frames.
     pub keyframe_lambda: f32,
     /// Slices of a frame, where the encoder's settings do not say.
@@ -104,7 +97,7 @@ pub struct MainSettings {
 impl Default for MainSettings {
     fn default() -> Self {
         Self {
-            quality: FrameQuality::of_step(2.2),
+            quality: FrameQuality::of_step(1.8),
             target: RateTarget::Constant,
             band: Band::Surface,
             tools: Tools::ALL,
@@ -114,8 +107,7 @@ impl Default for MainSettings {
             half_voxel_vectors: true,
             filter_search: false,
             refinement: false,
-            step_share: 1.0,
-            keyframe_lambda: 0.4,
+            keyframe_lambda: 0.24,
             slices: 1,
             refresh: Refresh::Keyframes,
         }

@@ -11,7 +11,7 @@ use super::{Attempt, COARSEST_STEP, FINEST_STEP, FrameFacts};
 /// The power of the step that bits fall with: keyframes, other frames.
 const EXPONENTS: [f64; 2] = [0.85, 0.9];
 /// Bits of a block at a step of one voxel before anything is known.
-const BITS_AT_ONE: [f64; 2] = [60.0, 24.0];
+const BITS_AT_ONE: [f64; 2] = [65.0, 16.5];
 /// How fast `a` is learnt: weight of the last frame of a kind.
 const LEARNING: [f64; 2] = [0.7, 0.3];
 /// Seconds over which what was spent too much is saved.

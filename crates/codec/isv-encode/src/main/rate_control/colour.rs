@@ -19,9 +19,9 @@ const ERROR_EXPONENTS: [f64; 2] = [0.875, 0.9];
 /// Powers that bits of whole GOPs fall with: of geometry, of colour.
 const MEAN_EXPONENTS: [f64; 2] = [0.9, 1.6];
 /// Bits of colour over those of geometry in a good split, at a step of 1 voxel and scale 1.
-const SHARES_AT_ONE: f64 = 2.6;
+const SHARES_AT_ONE: f64 = 2.2;
 /// [`ColourSplit::excess`] before anything is known.
-const EXCESS: f64 = 0.31;
+const EXCESS: f64 = 0.44;
 /// How much the scale of a frame may differ from that of the frame before; of intra frames, more.
 const LARGEST_CHANGE: f64 = 1.12;
 const LARGEST_CHANGE_OF_INTRA: f64 = 1.5;

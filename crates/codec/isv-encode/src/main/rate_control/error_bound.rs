@@ -7,7 +7,7 @@ const EXPONENT: f64 = 0.7;
 /// Share of the bound that is aimed at: errors of like frames scatter by a few percent.
 const AIM: f64 = 0.95;
 /// Error at a step of one voxel, in voxels, before anything is known: keyframes, other frames.
-const ERROR_AT_ONE: [f64; 2] = [0.06, 0.06];
+const ERROR_AT_ONE: [f64; 2] = [0.06, 0.07];
 /// How much a step may differ from that of the frame of the same kind before.
 const LARGEST_CHANGE: f64 = 1.4;
 /// Limits of the power that two attempts at a frame tell.
