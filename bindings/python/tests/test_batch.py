@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import isv
+import isv.batch.plan as batch_plan
 import pytest
 from isv.batch import Choices, InlineEngine, LocalEngine, Plan, Store, Summary, plan_takes, run, write_plan
 from isv.batch.cli import main
@@ -259,6 +260,28 @@ def test_what_may_pass_is_tried_again(tmp_path: Path, monkeypatch: pytest.Monkey
     assert (tmp_path / "other" / "takes" / "a" / "error.json").exists()
 
 
+def test_a_remote_take_is_planned_again_when_the_network_comes_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here, remote = str(write_take(tmp_path / "a", 2)), "s3://bucket/a"
+    really, left = batch_plan._plan_take, [2]
+
+    def drop(name: str, source: Source, *rest: Any) -> dict[str, Any]:
+        left[0] -= 1
+        if left[0] >= 0:
+            raise OSError(errno.ECONNRESET, os.strerror(errno.ECONNRESET))
+        return really(name, Source(here), *rest)
+
+    monkeypatch.setattr(batch_plan, "_PAUSES_S", (0.0, 0.0))
+    monkeypatch.setattr(batch_plan, "_plan_take", drop)
+    assert "error" not in batch_plan.plan_take("a", remote, {"voxel": COARSE}, 30)
+    # Three tries in all, and one where there is no network.
+    for source, tries in ((remote, 3), (here, 1)):
+        left[0] = 9
+        assert "reset" in batch_plan.plan_take("a", source, {"voxel": COARSE}, 30)["error"]
+        assert left[0] == 9 - tries
+
+
 def test_lines_add_up_to_the_rate() -> None:
     lines = [Line(1000.0, 0.02), Line(5000.0, 0.03)]
     for target in (2000.0, 6000.0, 9000.0):
@@ -408,6 +431,21 @@ def write_depth_take(folder: Path, frames: int) -> Path:
     lens = {"width": wide, "height": high, "fx": 60.0, "fy": 60.0, "cx": 32.0, "cy": 24.0, "depth_scale_m": 0.001}
     (folder / "camera.json").write_text(json.dumps({**lens, "fps": 30, "poses": [pose] * frames}))
     return folder
+
+
+def test_takes_of_several_folders_have_names_of_their_own(tmp_path: Path) -> None:
+    for take in ("walk/1", "walk/2", "walk-1", "other/walk/1", "other/walk/3"):
+        write_take(tmp_path / take, 2)
+    folders = [str(tmp_path / folder) for folder in ("walk-1", "walk", "other/walk")]
+    plan = tmp_path / "plan.json"
+    assert main(["plan", *folders, "-o", str(plan), "--voxel", "4cm"]) == 0
+    names = [take["name"] for take in Plan.open(plan).takes()]
+    assert names == ["walk-1", "walk-1-2", "walk-2", "walk-3-1", "walk-3-3"]
+    # What one folder has in common with its take is no second take.
+    write_take(tmp_path / "lone" / "lone", 2)
+    write_take(tmp_path / "lone" / "b", 2)
+    assert main(["plan", str(tmp_path / "lone"), "-o", str(plan), "--voxel", "4cm"]) == 0
+    assert [take["name"] for take in Plan.open(plan).takes()] == ["b", "lone"]
 
 
 def test_links_to_folders_are_followed_and_loops_left_out(tmp_path: Path) -> None:

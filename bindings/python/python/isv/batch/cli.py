@@ -314,23 +314,26 @@ def _plan(args: argparse.Namespace) -> int:
         raise _Wrong("name takes, or a file of them with --list")
 
     def found() -> Iterator[tuple[str, str]]:
-        prefixes: set[str] = set()
+        names: set[str] = set()
+
+        def unique(name: str) -> str:
+            number, free = 2, name
+            while free in names:
+                free, number = f"{name}-{number}", number + 1
+            names.add(free)
+            return free
+
         for path in named:
             takes = find_takes(path)
             first = next(takes)
             second = next(takes, None)
             # Names differ within a folder. What they have in common in several of these gets a number.
-            prefix = first[0] if second is None else os.path.basename(os.path.abspath(path))
-            number = 2
-            unique = prefix
-            while unique in prefixes:
-                unique, number = f"{prefix}-{number}", number + 1
-            prefixes.add(unique)
             if second is None:
-                yield unique, first[1]
+                yield unique(first[0]), first[1]
                 continue
+            prefix = "" if len(named) == 1 else unique(os.path.basename(os.path.abspath(path))) + "-"
             for name, source in chain([first, second], takes):
-                yield (name if len(named) == 1 else f"{unique}-{name}"), source
+                yield unique(f"{prefix}{name}"), source
 
     def told() -> Iterator[dict[str, Any]]:
         for take in plan_takes(found(), options, frames, lambda tasks: ordered(engine, tasks)):

@@ -5,10 +5,12 @@ A plan is a JSON object whose takes stand on a line each, so that plans of any l
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
 import tempfile
+import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,13 +20,26 @@ from .. import IsvError, _isv
 from .._jobs import settle
 from .sources import Source
 
-__all__ = ["SHARD_FRAMES", "Plan", "key_of", "plan_take", "plan_takes", "shard_key", "shard_length", "write_plan"]
+__all__ = [
+    "SHARD_FRAMES",
+    "Plan",
+    "key_of",
+    "may_pass",
+    "plan_take",
+    "plan_takes",
+    "shard_key",
+    "shard_length",
+    "write_plan",
+]
 
 SHARD_FRAMES = 300
 """Frames of a shard, about: it has whole groups of pictures."""
 
 _MOST_FETCHED = 192
 """Frames at the start of a remote take that are copied at most, where none before has anything in it."""
+
+_PAUSES_S = (1.0, 5.0)
+"""Pauses before a remote take is planned again that could not be read."""
 
 _VERSION = 1
 
@@ -66,11 +81,22 @@ def plan_take(name: str, source: str, options: dict[str, Any], shard_frames: int
     Returns:
         What the plan says of the take. A take that cannot be encoded has an ``error`` in place of shards.
     """
-    try:
-        with tempfile.TemporaryDirectory(prefix="isv-batch-") as scratch:
-            return _plan_take(name, Source(source), dict(options), shard_frames, Path(scratch))
-    except (OSError, ValueError, TypeError) as error:
-        return {"name": name, "source": source, "error": f"{error}"}
+    for pause_s in (*_PAUSES_S, None):
+        try:
+            with tempfile.TemporaryDirectory(prefix="isv-batch-") as scratch:
+                return _plan_take(name, Source(source), dict(options), shard_frames, Path(scratch))
+        except (OSError, ValueError, TypeError) as error:
+            passes = isinstance(error, OSError) and may_pass(error) and not Source(source).is_local
+            if pause_s is None or not passes:
+                return {"name": name, "source": source, "error": f"{error}"}
+            time.sleep(pause_s)
+    raise AssertionError("the last try returns")
+
+
+def may_pass(error: OSError) -> bool:
+    """Whether trying again may help. What is not there and a full disk stay so; a network comes back."""
+    lasting = (errno.ENOSPC, errno.EDQUOT, errno.ENOENT, errno.EACCES, errno.ENOTDIR, errno.EROFS)
+    return error.errno not in lasting
 
 
 def _plan_take(name: str, source: Source, options: dict[str, Any], shard_frames: int, scratch: Path) -> Take:

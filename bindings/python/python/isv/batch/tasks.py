@@ -6,7 +6,6 @@ went wrong. Tasks may be run twice, also at the same time, and leave the same fi
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import logging
 import math
@@ -23,7 +22,7 @@ from typing import Any
 
 from .._encode import encode
 from .._jobs import draw, evaluate, info, join, set_threads, verify
-from .plan import key_of, plan_take, shard_key
+from .plan import key_of, may_pass, plan_take, shard_key
 from .rate import PROBES
 from .sources import Source
 from .storage import Store
@@ -75,9 +74,7 @@ def run_task(task: Task) -> Task:
     except MemoryError as error:
         return {"ok": False, "error": f"out of memory: {error}", "retry": False}
     except OSError as error:
-        # What is not there and a full disk stay so; a network comes back.
-        lasting = (errno.ENOSPC, errno.EDQUOT, errno.ENOENT, errno.EACCES, errno.ENOTDIR, errno.EROFS)
-        return {"ok": False, "error": _sentence(error), "retry": error.errno not in lasting}
+        return {"ok": False, "error": _sentence(error), "retry": may_pass(error)}
     except Exception as error:
         return {"ok": False, "error": _sentence(error), "retry": False}
     return {"ok": True, "wall_s": time.monotonic() - begin, "cpu_s": _cpu_seconds() - cpu, **result}
