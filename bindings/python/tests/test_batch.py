@@ -318,6 +318,21 @@ def test_a_bit_rate_is_met_over_shards(tmp_path: Path) -> None:
     assert rate["lines"][0]["slope"] > 0 and PROBES[0] < PROBES[1]
 
 
+def test_pauses_count_in_a_bit_rate(tmp_path: Path) -> None:
+    stream = tmp_path / "paused.isv"
+    with isv.Writer(stream, voxel=0.02, gop=2, quality=62) as writer:
+        for frame in range(8):
+            # Half of the frames follow a pause of 2 s.
+            writer.push(box(0.01 * frame), time=frame / 30 + (2 if frame >= 4 else 0))
+    assert isv.info(stream)["duration_s"] == pytest.approx(2 + 8 / 30, abs=0.01)
+    wanted = isv.info(stream)["bitrate_mbps"]
+    plan = planned(tmp_path, [stream], voxel=0.02, bitrate_mbps=wanted)
+    assert inline(plan, tmp_path / "out").done == 1
+    facts = isv.info(tmp_path / "out" / "takes" / "paused.isv" / "take.isv")
+    assert facts["duration_s"] == pytest.approx(2 + 8 / 30, abs=0.01)
+    assert 0.9 * wanted < facts["bitrate_mbps"] <= 1.02 * wanted
+
+
 def _first_shard(plan: Plan, output: Path) -> dict[str, Any]:
     take = next(plan.takes())
     return {"take": take, "shard": take["shards"][0], "output": str(output)}

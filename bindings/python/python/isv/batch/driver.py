@@ -83,6 +83,7 @@ class TakeRun:
         self._output, self._finish, self._scratch = output, asdict(choices), scratch
         self._quality: float | None = None
         self._lines: list[Line | None] = [None] * len(take["shards"])
+        self._times_s: list[list[float]] = [[] for _ in take["shards"]]
         self._bytes = [0] * len(take["shards"])
         self._left = 0
         self._stage = ""
@@ -101,10 +102,11 @@ class TakeRun:
         """The first tasks of the take, or none if it is there already."""
         if self.has_rate:
             known = self._output.read_json(f"{take_folder(self.take)}/rate.json")
-            if known is not None and known.get("key") == self._rate_key():
+            if known is not None and known.get("key") == self._rate_key() and "times_s" in known:
                 self._quality = known["quality"]
                 self._rounds = known["rounds"]
                 self._lines = [Line(**line) for line in known["lines"]]
+                self._times_s = known["times_s"]
         row = self._output.read_json(f"{take_folder(self.take)}/take.json")
         if row is not None and row.get("key") == self.key():
             return []
@@ -124,12 +126,13 @@ class TakeRun:
             self._quality = known["quality"]
             return
         lines = []
-        for shard in self.take["shards"]:
+        for index, shard in enumerate(self.take["shards"]):
             name = f"{shard_name(self.take, shard)}.statistics.json"
             found = self._output.read_json(name)
             if found is None:
                 raise ValueError(f"{name}: the statistics of the shard are not there; run the stage measure first")
             lines.append(Line(**found["line"]))
+            self._times_s[index] = found["times_s"]
         self._quality = quality_for(lines, self._target())
 
     def _rate_key(self) -> str:
@@ -158,6 +161,7 @@ class TakeRun:
             self.errors.append(result["error"])
         elif self._stage == "measure":
             self._lines[task["index"]] = Line(**result["line"])
+            self._times_s[task["index"]] = result["times_s"]
         elif self._stage == "encode":
             self._bytes[task["index"]] = result["figures"]["bytes"]
         if self._left:
@@ -182,8 +186,9 @@ class TakeRun:
         return [line for line in self._lines if line is not None]
 
     def _seconds(self) -> float:
-        first, end = self.take["frames"]
-        return float((end - first) / self.take["fps"])
+        """Time from the first frame to the end of the last one, pauses and all."""
+        times_s = [time for shard in self._times_s for time in shard]
+        return float(max(times_s) - min(times_s) + 1 / self.take["fps"])
 
     def _target(self) -> float:
         """Bytes that the rate has room for."""
@@ -204,6 +209,7 @@ class TakeRun:
                 "rounds": self._rounds,
                 "target_bytes": round(self._target()),
                 "lines": [asdict(line) for line in lines],
+                "times_s": self._times_s,
                 "budgets": [round(line.bytes(quality)) for line in lines],
             },
             f"{take_folder(self.take)}/rate.json",

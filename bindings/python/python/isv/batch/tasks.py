@@ -140,8 +140,8 @@ def _measure(task: Task) -> Task:
     settings = take["settings"]
     key = key_of(shard_key(take, shard, settings), PROBES)
     known = store.read_json(name)
-    if known is not None and known.get("key") == key:
-        return {"line": known["line"], "reused": True}
+    if known is not None and known.get("key") == key and "times_s" in known:
+        return {"line": known["line"], "times_s": known["times_s"], "reused": True}
     with _scratch(task) as folder:
         scratch = Path(folder)
         _, path = _input(take, shard, scratch)
@@ -160,8 +160,9 @@ def _measure(task: Task) -> Task:
             "at": sum(packet["bytes"] for packet in packets),
             "slope": max(0.0, math.log(after / before) / (PROBES[1] - PROBES[0])),
         }
-        store.publish_json({"key": key, "line": line, "frames": [first, end]}, name)
-        return {"line": line, "reused": False}
+        times_s = [packets[index]["timestamp_ns"] / 1e9 for index in (0, -1)]
+        store.publish_json({"key": key, "line": line, "times_s": times_s, "frames": [first, end]}, name)
+        return {"line": line, "times_s": times_s, "reused": False}
 
 
 def _at(settings: dict[str, Any], quality: float) -> dict[str, Any]:
@@ -243,7 +244,7 @@ def _finish(task: Task) -> Task:
             "status": "done",
             "planned": planned_key(take),
             "frames": frames,
-            "seconds": facts["frames"] / facts["fps"],
+            "seconds": round(facts["duration_s"], 6),
             "bytes": facts["bytes"],
             "mbps": facts["bitrate_mbps"],
             "voxel_mm": 1e3 * facts["voxel_size_m"],
