@@ -35,6 +35,9 @@ enum Command {
         /// Edge of a voxel in millimetres
         #[arg(long, default_value = "5")]
         voxel: f64,
+        /// Play the frames to and fro until there are so many
+        #[arg(long, value_name = "FRAMES")]
+        to_and_fro: Option<usize>,
         settings: Vec<String>,
     },
     /// Measure decoding at reduced resolution on a mesh sequence
@@ -149,8 +152,8 @@ fn main() -> Result<()> {
     simd::choose_by_environment()?;
     match Command::parse() {
         Command::PaperTable { folder, frames } => paper_table::run(&folder, frames.unwrap_or(usize::MAX)),
-        Command::MainTable { folder, frames, voxel, settings } => {
-            main_table::run(&folder, frames, voxel, &settings)
+        Command::MainTable { folder, frames, voxel, to_and_fro, settings } => {
+            main_table::run(&folder, frames, voxel, to_and_fro, &settings)
         }
         Command::LodTable { folder, frames } => {
             lod_table::run(&folder, frames.unwrap_or(usize::MAX), &paper_table::header()?)

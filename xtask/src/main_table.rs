@@ -15,8 +15,14 @@ use std::path::Path;
 use std::time::Instant;
 
 /// Measures the first `frames` frames of a folder of meshes in metres, once for each of `settings`, and
-/// prints a table. The settings are lists such as `step=2.2,trials=1`.
-pub(crate) fn run(folder: &str, frames: usize, voxel_mm: f64, settings: &[String]) -> Result<()> {
+/// prints a table. With `to_and_fro` they are played there and back until there are so many: a longer take of the same kind. The settings are lists such as `step=2.2,trials=1`.
+pub(crate) fn run(
+    folder: &str,
+    frames: usize,
+    voxel_mm: f64,
+    to_and_fro: Option<usize>,
+    settings: &[String],
+) -> Result<()> {
     let grid = Grid {
         voxel_size: VoxelSize::from_metres(voxel_mm / 1000.0)?,
         edge: BlockEdge::E8,
@@ -32,6 +38,12 @@ pub(crate) fn run(folder: &str, frames: usize, voxel_mm: f64, settings: &[String
         meshes.push(mesh);
     }
     ensure!(!volumes.is_empty(), "{folder} has no frames");
+    if let Some(length) = to_and_fro {
+        let there_and_back = (0..volumes.len()).chain((1..volumes.len().saturating_sub(1)).rev());
+        let order: Vec<usize> = there_and_back.cycle().take(length).collect();
+        volumes = order.iter().map(|frame| volumes[*frame].clone()).collect();
+        meshes = order.iter().map(|frame| meshes[*frame].clone()).collect();
+    }
     println!(
         "| settings | file, Mbps | GOP 30, Mbps | keyframe, B | P-frame, B | blocks | masks | modes | coefficients | bits of \
          occupancy a block | point to surface, mm | Hausdorff, mm | normals, degrees | components | encode, ms | decode, ms |"

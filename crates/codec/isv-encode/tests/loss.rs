@@ -185,11 +185,12 @@ fn what_is_said_to_be_exact_is_whatever_the_filter_and_the_prediction_of_spatial
 }
 
 /// A ball that moves evenly, and a frame of it that is lost. The frame behind the loss is nearer to where it should be than the
-/// last one before.
+/// last one before. Over the frames of a cycle it is half as far at most; single ones scatter.
 #[test]
 fn what_is_not_exact_yet_is_near() {
     let (packets, whole) = stream();
-    for lost in [CYCLE, CYCLE + 2] {
+    let (mut all_near, mut all_old) = (0.0, 0.0);
+    for lost in CYCLE..2 * CYCLE {
         let mut decoder = Decoder::new(&header(), LIMITS);
         decoder.recover(true);
         for packet in &packets[..lost] {
@@ -200,8 +201,11 @@ fn what_is_not_exact_yet_is_near() {
         assert!(shown.inexact_blocks > 0);
         let (near, old) = (difference(shown.volume, &whole[lost + 1]), difference(&held, &whole[lost + 1]));
         println!("frame {}: {near:.0} codes off, {old:.0} if the last one were held", lost + 1);
-        assert!(near < 0.65 * old);
+        assert!(near < old);
+        all_near += near;
+        all_old += old;
     }
+    assert!(all_near < 0.5 * all_old, "{all_near} codes off, {all_old} if the last ones were held");
 }
 
 /// Mean difference of the samples of blocks that both volumes have.

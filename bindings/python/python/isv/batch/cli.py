@@ -327,7 +327,7 @@ def _plan(args: argparse.Namespace) -> int:
             takes = find_takes(path)
             first = next(takes)
             second = next(takes, None)
-            # Names differ within a folder. What they have in common in several of these gets a number.
+            # Takes of a folder begin with its name where there are several. A name that is taken gets a number.
             if second is None:
                 yield unique(first[0]), first[1]
                 continue

@@ -129,7 +129,7 @@ class TakeRun:
         for index, shard in enumerate(self.take["shards"]):
             name = f"{shard_name(self.take, shard)}.statistics.json"
             found = self._output.read_json(name)
-            if found is None:
+            if found is None or "times_s" not in found:
                 raise ValueError(f"{name}: the statistics of the shard are not there; run the stage measure first")
             lines.append(Line(**found["line"]))
             self._times_s[index] = found["times_s"]

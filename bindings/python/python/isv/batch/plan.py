@@ -81,16 +81,17 @@ def plan_take(name: str, source: str, options: dict[str, Any], shard_frames: int
     Returns:
         What the plan says of the take. A take that cannot be encoded has an ``error`` in place of shards.
     """
-    for pause_s in (*_PAUSES_S, None):
+    pauses_s = iter(_PAUSES_S)
+    while True:
         try:
             with tempfile.TemporaryDirectory(prefix="isv-batch-") as scratch:
                 return _plan_take(name, Source(source), dict(options), shard_frames, Path(scratch))
         except (OSError, ValueError, TypeError) as error:
             passes = isinstance(error, OSError) and may_pass(error) and not Source(source).is_local
-            if pause_s is None or not passes:
+            pause_s = next(pauses_s, None) if passes else None
+            if pause_s is None:
                 return {"name": name, "source": source, "error": f"{error}"}
             time.sleep(pause_s)
-    raise AssertionError("the last try returns")
 
 
 def may_pass(error: OSError) -> bool:
