@@ -52,9 +52,6 @@ python_environment() {
     ) 9>target/venv.lock
 }
 
-# For two minutes of fuzzing, compiling takes longest: 546 s of processors for 623. Panics say their line without debug information.
-compile_fuzz_targets_fast() { export CARGO_PROFILE_RELEASE_OPT_LEVEL=1 CARGO_PROFILE_RELEASE_DEBUG=false; }
-
 has_vulkan() { compgen -G "/usr/share/vulkan/icd.d/*.json" >/dev/null || compgen -G "/etc/vulkan/icd.d/*.json" >/dev/null; }
 
 # Installs what tests use, as far as it can be had.
@@ -65,6 +62,8 @@ install_for_tests() {
     need draco_encoder draco || echo "draco could not be installed"
     # Two parsers of MP4 that are not ours.
     need "ffprobe mediainfo" --no-install-recommends ffmpeg mediainfo || echo "ffmpeg and mediainfo could not be installed"
+    # What fuzzing campaigns kept is packed.
+    need xz xz-utils || echo "xz could not be installed"
     python_environment
 }
 
@@ -74,6 +73,7 @@ require_what_is_here() {
     [ ! -d "${ISV_DATA:-../shared/data}" ] || ISV_REQUIRE+=,captures
     ! has_vulkan || ISV_REQUIRE+=,gpu
     ! command -v draco_encoder >/dev/null || ISV_REQUIRE+=,draco
+    ! command -v xz >/dev/null || ISV_REQUIRE+=,xz
     ! { command -v tmc3 && command -v gltfpack; } >/dev/null || ISV_REQUIRE+=,other-codecs
     ! target/venv/bin/python -c 'import pxr' 2>/dev/null || ISV_REQUIRE+=,usd
     ! { command -v ffprobe && command -v mediainfo; } >/dev/null || ISV_REQUIRE+=,media

@@ -1,4 +1,4 @@
 //! The frames of an animated GLB.
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| isv_fuzz::play_animation(bytes));
+isv_fuzz::run!("animation");

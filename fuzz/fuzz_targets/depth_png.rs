@@ -1,4 +1,4 @@
 //! A depth image as 16-bit PNG.
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| isv_fuzz::read_depth_image("depth/0.png", bytes));
+isv_fuzz::run!("depth_png");

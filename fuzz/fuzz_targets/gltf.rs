@@ -1,4 +1,4 @@
 //! A .gltf file.
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| isv_fuzz::read_geometry("frame.gltf", bytes));
+isv_fuzz::run!("gltf");

@@ -1,4 +1,4 @@
 //! An image of a texture: PNG, JPEG, WebP or KTX2.
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| isv_fuzz::read_image(bytes));
+isv_fuzz::run!("image");

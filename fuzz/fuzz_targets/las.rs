@@ -1,4 +1,4 @@
 //! A .las file.
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| isv_fuzz::read_geometry("frame.las", bytes));
+isv_fuzz::run!("las");

@@ -1,4 +1,4 @@
 //! An MP4 file.
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(init: isv_fuzz::on_one_thread(), |bytes: &[u8]| isv_fuzz::mp4::read(bytes));
+isv_fuzz::run!("mp4");

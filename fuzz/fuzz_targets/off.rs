@@ -1,4 +1,4 @@
 //! A .off file.
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| isv_fuzz::read_geometry("frame.off", bytes));
+isv_fuzz::run!("off");

@@ -1,4 +1,4 @@
 //! A .pcd file.
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| isv_fuzz::read_geometry("frame.pcd", bytes));
+isv_fuzz::run!("pcd");

@@ -1,4 +1,4 @@
 //! A `Range` header of a request.
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| isv_fuzz::live::read_range(bytes));
+isv_fuzz::run!("range_header");

@@ -1,4 +1,4 @@
 //! A .stl file.
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| isv_fuzz::read_geometry("frame.stl", bytes));
+isv_fuzz::run!("stl");

@@ -46,7 +46,7 @@ pub(super) fn save(seeds: &mut Seeds) -> Result<()> {
         seeds.save("colour", &colour_parts(layers))?;
     }
     let noise: Vec<u8> = (0..240u8).map(|i| i.wrapping_mul(37)).collect();
-    for target in ["ingest", "encoder"] {
+    for target in ["ingest", "encoder", "library"] {
         seeds.save(target, &noise)?;
     }
     seeds.save("range_decoder", &[&32u16.to_le_bytes()[..], &noise].concat())

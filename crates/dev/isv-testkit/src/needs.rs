@@ -36,11 +36,13 @@ pub enum Need {
     Instructions,
     /// A system that tells how much memory a process takes.
     MemoryUse,
+    /// The program `xz`.
+    Xz,
 }
 
 impl Need {
     /// All needs.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Gpu,
         Self::Captures,
         Self::Draco,
@@ -53,6 +55,7 @@ impl Need {
         Self::Valgrind,
         Self::Instructions,
         Self::MemoryUse,
+        Self::Xz,
     ];
 
     /// Name in `ISV_REQUIRE`.
@@ -71,6 +74,7 @@ impl Need {
             Self::Valgrind => "valgrind",
             Self::Instructions => "instructions",
             Self::MemoryUse => "memory-use",
+            Self::Xz => "xz",
         }
     }
 

@@ -8,7 +8,7 @@ use isv::raw::volume::SparseVolume;
 
 /// Decodes the first frames of a stream, whose checksums are made to fit first, with and without some of its packets. Which are lost is
 /// for the bytes to say; keyframes are not, as a decoder cannot notice the loss of a whole GOP.
-pub fn lose(bytes: &[u8]) {
+pub(crate) fn lose(bytes: &[u8]) {
     let bytes = with_checksums(bytes);
     let Some((header, packets)) = open(&bytes) else { return };
     let whole = decode(&header, &packets);

@@ -10,7 +10,7 @@ use std::io::{Cursor, Read};
 const MOST_SAMPLES: usize = 4096;
 
 /// Reads the bytes as an MP4 file.
-pub fn read(bytes: &[u8]) {
+pub(crate) fn read(bytes: &[u8]) {
     let mut piped = Vec::new();
     let whole_pipe = GeometryPipe::new(bytes).read_to_end(&mut piped).is_ok();
     assert!(piped.len() <= 2 * bytes.len(), "a stream is no larger than the file it is in, and its index");
@@ -34,7 +34,7 @@ pub fn read(bytes: &[u8]) {
 }
 
 /// Reads the bytes as sound, coded where it is a waveform.
-pub fn hear(bytes: &[u8]) {
+pub(crate) fn hear(bytes: &[u8]) {
     hush_foreign_panics();
     if let Ok(mut sound) = open_sound(Cursor::new(bytes.to_vec()), SoundOptions::default()) {
         drain(&mut *sound);

@@ -9,7 +9,7 @@ use isv::raw::format::{
 use std::io::Cursor;
 
 /// Reads the bytes as they are, and with the checksums that they should have.
-pub fn read(bytes: &[u8]) {
+pub(crate) fn read(bytes: &[u8]) {
     read_as_it_is(bytes);
     read_as_it_is(&with_checksums(bytes));
 }

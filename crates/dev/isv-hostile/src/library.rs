@@ -44,7 +44,7 @@ impl Script<'_> {
 }
 
 /// Encodes what the bytes say, and decodes it: nothing panics, and the frames that were taken come back.
-pub fn call_library(bytes: &[u8]) {
+pub(crate) fn call_library(bytes: &[u8]) {
     let mut script = Script(bytes);
     let options = options(&mut script);
     let checked = options.check();

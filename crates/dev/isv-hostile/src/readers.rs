@@ -32,7 +32,7 @@ const MAX_BLOCKS: usize = 1000;
 
 /// Reads a file of meshes or points, as it is, without invalid points, and with its colours; the name tells its format. What is read
 /// has finite places, and no place at all where there is no surface.
-pub fn read_geometry(name: &str, bytes: &[u8]) {
+pub(crate) fn read_geometry(name: &str, bytes: &[u8]) {
     hush_foreign_panics();
     let plain = ReadOptions::new(Unit::Metre);
     let options = [plain, plain.with_invalid_points(InvalidPoints::Drop), plain.with_colours(Colours::Keep)];
@@ -55,7 +55,7 @@ fn check(geometry: &Geometry) {
 }
 
 /// Reads an OBJ file with a material library, which begins where `newmtl` does, and a sound image.
-pub fn read_materials(bytes: &[u8]) {
+pub(crate) fn read_materials(bytes: &[u8]) {
     let (obj, mtl) = split(bytes, b"newmtl");
     let standing = || vec![("a.png", image::four_colours())];
     in_folder(standing, &[("frame.obj", obj), ("frame.mtl", mtl)], |folder| {
@@ -67,7 +67,7 @@ pub fn read_materials(bytes: &[u8]) {
 }
 
 /// Decodes an image of a texture.
-pub fn read_image(bytes: &[u8]) {
+pub(crate) fn read_image(bytes: &[u8]) {
     hush_foreign_panics();
     if let Ok(image) = decode_image(bytes, "image") {
         assert_eq!(image.pixels().len() as u64, u64::from(image.width()) * u64::from(image.height()));
@@ -75,12 +75,12 @@ pub fn read_image(bytes: &[u8]) {
 }
 
 /// Reads a file of E57 whose checksums are made to fit first: behind a wrong one nothing is read.
-pub fn read_scans(bytes: &[u8]) {
+pub(crate) fn read_scans(bytes: &[u8]) {
     read_geometry("frame.e57", &with_page_checksums(bytes));
 }
 
 /// Reads frames from a pipe until it ends, as they are and, of an archive, with checksums that fit.
-pub fn read_pipe(bytes: &[u8]) {
+pub(crate) fn read_pipe(bytes: &[u8]) {
     let sealed = with_header_checksums(bytes);
     if sealed != bytes {
         read_frames(&sealed);
@@ -96,7 +96,7 @@ fn read_frames(bytes: &[u8]) {
 }
 
 /// Poses the first frames of all animations of a GLB.
-pub fn play_animation(bytes: &[u8]) {
+pub(crate) fn play_animation(bytes: &[u8]) {
     hush_foreign_panics();
     let options = ReadOptions::new(Unit::Metre).with_colours(Colours::Keep);
     let Ok(mut animation) = Animation::parse_with(Path::new("frame.glb"), bytes, &options) else { return };
@@ -110,9 +110,32 @@ pub fn play_animation(bytes: &[u8]) {
     }
 }
 
+/// Reads the `camera.json` of a folder of depth images.
+pub(crate) fn read_camera(bytes: &[u8]) {
+    read_depth(&[("camera.json", bytes)], &["depth/0.png", "depth/1.png"]);
+}
+
+/// Reads the `rig.json` of a folder of depth images.
+pub(crate) fn read_rig(bytes: &[u8]) {
+    let images = ["front/0.png", "front/1.png", "back/left_0.exr", "back/left_1.exr"];
+    read_depth(&[("rig.json", bytes)], &images);
+}
+
+/// Reads the two lists of a folder in the TUM RGB-D layout and its lens, with empty lines between them. The lens, which begins with a
+/// brace if it is `camera.json`, may be missing.
+pub(crate) fn read_lists(bytes: &[u8]) {
+    let (depth, rest) = split(bytes, b"\n\n");
+    let (poses, lens) = split(rest.trim_ascii_start(), b"\n\n");
+    let lens = lens.trim_ascii_start();
+    let (json, text) = if lens.starts_with(b"{") { (lens, &[][..]) } else { (&[][..], lens) };
+    let lists = [("depth.txt", depth), ("groundtruth.txt", poses)];
+    let lenses = [("camera.json", json), ("calibration.txt", text)];
+    read_depth(&[lists, lenses].concat(), &["depth/0.png", "depth/1.png"]);
+}
+
 /// Reads the first frames of a folder of depth images. It has texts that come with an input, and names of
 /// images of 8 x 6 pixels that are sound.
-pub fn read_depth(texts: &[(&str, &[u8])], images: &[&'static str]) {
+fn read_depth(texts: &[(&str, &[u8])], images: &[&'static str]) {
     let depths = exr::steps(48);
     let sound = |name: &str| match name.ends_with(".png") {
         true => png::depths(8, &depths.iter().map(|depth| (1000.0 * depth) as u16).collect::<Vec<_>>()),
@@ -122,7 +145,7 @@ pub fn read_depth(texts: &[(&str, &[u8])], images: &[&'static str]) {
 }
 
 /// Reads a depth image of 8 x 6 pixels; the name tells its format.
-pub fn read_depth_image(name: &str, bytes: &[u8]) {
+pub(crate) fn read_depth_image(name: &str, bytes: &[u8]) {
     in_folder(|| vec![("camera.json", CAMERA_JSON.into())], &[(name, bytes)], read_frames_of_depth);
 }
 
@@ -134,13 +157,23 @@ fn read_frames_of_depth(folder: &Path) {
     }
 }
 
-/// Reads the first frame of a folder of arrays. Where nothing says how large a voxel is, it has 5 mm.
-pub fn read_arrays(files: &[(&str, &[u8])]) {
-    in_folder(Vec::new, files, |folder| read_volume(VolumeSequence::open(folder)));
+/// Reads a volume as NumPy arrays, one file after the other: `grid.json` if the bytes do not begin as an array, coordinates, distances,
+/// and weights. Where nothing says how large a voxel is, it has 5 mm.
+pub(crate) fn read_arrays(bytes: &[u8]) {
+    const MARK: &[u8] = b"\x93NUMPY";
+    let (description, arrays) = if bytes.starts_with(MARK) { (&[][..], bytes) } else { split(bytes, MARK) };
+    let (coords, rest) = split(arrays, MARK);
+    let (tsdf, weight) = split(rest, MARK);
+    let files =
+        [("grid.json", description), ("coords.npy", coords), ("tsdf.npy", tsdf), ("weight.npy", weight)];
+    in_folder(Vec::new, &files, |folder| read_volume(VolumeSequence::open(folder)));
 }
 
-/// Reads a dense field: an array, or an archive of arrays. Its axes and places of samples are as the options say.
-pub fn read_dense(bytes: &[u8], axes: DenseAxes, sample_at: SampleAt) {
+/// Reads a dense field: a byte that says its axes and where its samples are, then an array or an archive of arrays.
+pub(crate) fn read_dense(bytes: &[u8]) {
+    let Some((options, bytes)) = bytes.split_first() else { return };
+    let axes = if options & 1 == 0 { DenseAxes::Zyx } else { DenseAxes::Xyz };
+    let sample_at = if options & 2 == 0 { SampleAt::Centre } else { SampleAt::Corner };
     let name = if bytes.starts_with(b"PK") { "frame.npz" } else { "frame.npy" };
     in_folder(Vec::new, &[(name, bytes)], |folder| {
         let options = DenseOptions { axes, sample_at, scale_m: None };
@@ -157,7 +190,7 @@ fn read_volume(volumes: Result<VolumeSequence, VolumeError>) {
 }
 
 /// Makes volumes of whatever mesh and points the bytes give.
-pub fn ingest(bytes: &[u8]) {
+pub(crate) fn ingest(bytes: &[u8]) {
     let coordinates: Vec<f64> =
         bytes.chunks_exact(2).map(|b| f64::from(i16::from_le_bytes([b[0], b[1]])) * 1e-5).collect();
     let positions: Vec<DVec3> = coordinates.chunks_exact(3).map(DVec3::from_slice).collect();
@@ -184,7 +217,7 @@ pub fn ingest(bytes: &[u8]) {
 }
 
 /// Two files that come as one: the second begins where `mark` does, after the first byte.
-pub fn split<'a>(bytes: &'a [u8], mark: &[u8]) -> (&'a [u8], &'a [u8]) {
+fn split<'a>(bytes: &'a [u8], mark: &[u8]) -> (&'a [u8], &'a [u8]) {
     let after = bytes.get(1..).unwrap_or_default();
     let at = after.windows(mark.len()).position(|window| window == mark).unwrap_or(after.len());
     bytes.split_at(bytes.len().min(at + 1))

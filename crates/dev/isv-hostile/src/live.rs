@@ -1,8 +1,8 @@
 //! What a server reads of a live source and of requests. Its modules are compiled in by themselves: the server around them is no reader.
 
-#[path = "../../crates/apps/isv-serve/src/source/packets.rs"]
+#[path = "../../../apps/isv-serve/src/source/packets.rs"]
 mod packets;
-#[path = "../../crates/apps/isv-serve/src/range.rs"]
+#[path = "../../../apps/isv-serve/src/range.rs"]
 mod range;
 
 use crate::differential::Trickle;
@@ -15,7 +15,7 @@ use std::io::Read;
 const LARGEST_PAYLOAD: u32 = 1 << 16;
 
 /// Reads streams that may be damaged, cut and followed by others, all at once and a byte at a time.
-pub fn read_packets(bytes: &[u8]) {
+pub(crate) fn read_packets(bytes: &[u8]) {
     let found = pieces(bytes);
     assert!(found == pieces(Trickle(bytes)), "a byte at a time against all");
     // As they are, and with checksums that let more through.
@@ -53,7 +53,7 @@ fn pieces(source: impl Read) -> Vec<String> {
 }
 
 /// Reads a `Range` header for files of several lengths.
-pub fn read_range(bytes: &[u8]) {
+pub(crate) fn read_range(bytes: &[u8]) {
     let Ok(header) = std::str::from_utf8(bytes) else { return };
     for length in [0, 1, 10, 1 << 40, u64::MAX] {
         match range::select(Some(header), length) {

@@ -14,7 +14,7 @@ pub(crate) const FRAMES: usize = 8;
 const VERTICES: usize = 1 << 18;
 
 /// Decodes the first frames of a stream whose checksums are made to fit first.
-pub fn decode(bytes: &[u8]) {
+pub(crate) fn decode(bytes: &[u8]) {
     let bytes = with_checksums(bytes);
     let Some((header, packets)) = open(&bytes) else { return };
     decode_with(Decoder::new(&header, LIMITS), &packets);

@@ -26,7 +26,7 @@ const BLOCKS: u8 = 10;
 /// Bytes: the header, the settings, then volumes, block after block. They are encoded in several slices and in one other way: in
 /// one slice, on two threads, or with a set of vector instructions. Which way is for the bytes to say, so that each costs two
 /// encodings.
-pub fn round_trip(bytes: &[u8]) {
+pub(crate) fn round_trip(bytes: &[u8]) {
     let mut fields = Fields(bytes);
     let header = header(&mut fields);
     // Bit 8 of the hash: the bits below say which way they are encoded again.

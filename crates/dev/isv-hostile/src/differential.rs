@@ -16,7 +16,7 @@ pub(crate) static TWO_THREADS: LazyLock<ThreadPool> =
 /// Decodes a stream with scalar code on one thread from bytes that come together, and in one other way. That
 /// is with a set of vector instructions, on two threads, or from bytes that come one at a time. The bytes say
 /// which way, so that each input costs two decodings.
-pub fn compare(bytes: &[u8]) {
+pub(crate) fn compare(bytes: &[u8]) {
     let bytes = with_checksums(bytes);
     let sets: Vec<Instructions> = Instructions::available().collect();
     assert_eq!(sets[0], Instructions::Scalar);

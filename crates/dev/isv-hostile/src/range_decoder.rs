@@ -28,7 +28,7 @@ type Definitions = ([Model; MODELS], [Integer; MODELS]);
 
 /// Bytes: the length of a script (2), the script, and what is to be decoded. The script's symbols are decoded from those bytes, whatever
 /// they are; then what was found is encoded and decoded again.
-pub fn check(bytes: &[u8]) {
+pub(crate) fn check(bytes: &[u8]) {
     let Some((length, rest)) = bytes.split_first_chunk() else { return };
     let (script, coded) = rest.split_at(usize::from(u16::from_le_bytes(*length)).min(rest.len()));
     let script = symbols(script);

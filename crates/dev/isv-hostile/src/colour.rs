@@ -10,7 +10,7 @@ use isv_testkit::small_ball;
 const FRAMES: usize = 4;
 
 /// Decodes parts one after the other. The first byte says how many layers they have; two bytes before each part say how long it is.
-pub fn decode(bytes: &[u8]) {
+pub(crate) fn decode(bytes: &[u8]) {
     let [first, rest @ ..] = bytes else { return };
     let layers = 1 + first % 3;
     let mut decoder = ColourDecoder::new(layers);

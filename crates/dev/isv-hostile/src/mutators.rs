@@ -8,43 +8,67 @@ use isv::raw::decode::Decoder;
 use isv::raw::format::{
     FrameCoding, FrameKind, FramePayload, MainFrameHeader, Packet, PacketKind, Prediction, SlicePayload,
 };
-use libfuzzer_sys::fuzzer_mutate;
 
-/// Changes the payload of one packet. Arguments and result as [`libfuzzer_sys::fuzz_mutator!`] has them.
-pub fn payload(data: &mut [u8], size: usize, max_size: usize, seed: u32) -> usize {
+/// Changes bytes of no known form: so many at the beginning of a buffer, to at most as many as the last argument; how many it leaves.
+/// libFuzzer has one, `fuzzer_mutate`.
+pub type Change<'a> = dyn FnMut(&mut [u8], usize, usize) -> usize + 'a;
+
+/// Changes an input, as [`crate::Target::mutate`].
+pub(crate) type Mutator = fn(&mut [u8], usize, usize, u32, &mut Change<'_>) -> usize;
+
+/// Changes the payload of one packet.
+pub(crate) fn payload(
+    data: &mut [u8],
+    size: usize,
+    max_size: usize,
+    seed: u32,
+    change: &mut Change<'_>,
+) -> usize {
     let mut choices = Choices(seed);
     let stream = &data[..size];
     let Some(place) = choices.one_of(&payloads(stream)).cloned() else {
-        return fuzzer_mutate(data, size, max_size);
+        return change(data, size, max_size);
     };
-    let payload = mutated(&stream[place.clone()], max_size.saturating_sub(size));
+    let payload = mutated(&stream[place.clone()], max_size.saturating_sub(size), change);
     write(data, max_size, &replace_payload(stream, &place, &payload))
 }
 
-/// Changes one segment of one frame, or one field of its header. Arguments and result as [`payload`].
-pub fn syntax(data: &mut [u8], size: usize, max_size: usize, seed: u32) -> usize {
-    let changed = change_syntax(&data[..size], max_size, Choices(seed));
+/// Changes one segment of one frame, or one field of its header.
+pub(crate) fn syntax(
+    data: &mut [u8],
+    size: usize,
+    max_size: usize,
+    seed: u32,
+    change: &mut Change<'_>,
+) -> usize {
+    let changed = change_syntax(&data[..size], max_size, Choices(seed), change);
     match changed {
         Some(stream) => write(data, max_size, &stream),
-        None => payload(data, size, max_size, seed),
+        None => payload(data, size, max_size, seed, change),
     }
 }
 
-/// Changes a stream in any of the ways. Arguments and result as [`payload`].
-pub fn any(data: &mut [u8], size: usize, max_size: usize, seed: u32) -> usize {
+/// Changes a stream in any of the ways.
+pub(crate) fn any(
+    data: &mut [u8],
+    size: usize,
+    max_size: usize,
+    seed: u32,
+    change: &mut Change<'_>,
+) -> usize {
     match seed % 8 {
-        0 => fuzzer_mutate(data, size, max_size),
-        1 => payload(data, size, max_size, seed / 8),
-        _ => syntax(data, size, max_size, seed / 8),
+        0 => change(data, size, max_size),
+        1 => payload(data, size, max_size, seed / 8, change),
+        _ => syntax(data, size, max_size, seed / 8, change),
     }
 }
 
-/// Bytes as libFuzzer changes them, and at most `room` more of them.
-fn mutated(bytes: &[u8], room: usize) -> Vec<u8> {
+/// Bytes that are changed, and at most `room` more of them.
+fn mutated(bytes: &[u8], room: usize, change: &mut Change<'_>) -> Vec<u8> {
     let mut out = bytes.to_vec();
     out.resize(bytes.len() + room.max(1), 0);
     let most = out.len();
-    let length = fuzzer_mutate(&mut out, bytes.len(), most);
+    let length = change(&mut out, bytes.len(), most);
     out.truncate(length);
     out
 }
@@ -57,7 +81,12 @@ fn write(data: &mut [u8], max_size: usize, stream: &[u8]) -> usize {
 }
 
 /// `None` if the stream, or the payload that is chosen, is not well formed enough.
-fn change_syntax(bytes: &[u8], max_size: usize, mut choices: Choices) -> Option<Vec<u8>> {
+fn change_syntax(
+    bytes: &[u8],
+    max_size: usize,
+    mut choices: Choices,
+    change: &mut Change<'_>,
+) -> Option<Vec<u8>> {
     let sealed = with_checksums(bytes);
     let (header, packets) = open(&sealed)?;
     let number = choices.below(packets.len() as u32) as usize;
@@ -76,7 +105,7 @@ fn change_syntax(bytes: &[u8], max_size: usize, mut choices: Choices) -> Option<
     // A segment that is read has bytes. The set of blocks, which all others depend on, not more often than the rest together.
     let filled: Vec<usize> = (1..segments.len()).filter(|segment| !segments[*segment].is_empty()).collect();
     let chosen = if choices.below(4) == 0 { 0 } else { choices.one_of(&filled).copied().unwrap_or(0) };
-    let changed = mutated(segments[chosen], room);
+    let changed = mutated(segments[chosen], room, change);
     *segments[chosen] = &changed;
     let decoder = Decoder::new(&header, LIMITS);
     if chosen == 0 && (keyframe || choices.below(4) == 0) {
@@ -131,7 +160,7 @@ fn fit_block_count(payload: &mut FramePayload, mut decoder: Decoder, packets: &[
     }
 }
 
-/// Small random numbers, all from libFuzzer's seed.
+/// Small random numbers, all from one seed.
 struct Choices(u32);
 
 impl Choices {
