@@ -1,20 +1,32 @@
 """Frames to messages and back. Needs the package ``isv`` alone, no ROS.
 
-A message is a prefix of eight bytes and bytes of a stream. The prefix has two numbers of 32 bits, little-endian: that of the
-stream and that of the message in it, both from 0. Each group of pictures is a stream of its own, so that who listens from now on,
-or missed a message, goes on at the next one.
+A message is a prefix, a name and bytes of a stream. The prefix is little-endian: the number of the stream and that of the message
+in it, both from 0 and of 32 bits; the time of the frame (ns, 64 bits); the bytes of the name (16 bits). The name is that of the
+coordinate frame, in UTF-8. Each group of pictures is a stream of its own, so that who listens from now on, or missed a message,
+goes on at the next one.
 """
 
 from __future__ import annotations
 
 import struct
 import threading
-from typing import Any
+from typing import Any, NamedTuple
 
 import isv
 
-_PREFIX = struct.Struct("<II")
+_PREFIX = struct.Struct("<IIqH")
 _WRAP = 1 << 32
+_LONGEST_NAME = (1 << 16) - 1
+
+
+class Arrived(NamedTuple):
+    """A frame that came, and what its sender said of it."""
+
+    frame: isv.Frame
+    #: Time of the frame (ns), by the sender's clock.
+    stamp_ns: int
+    #: Name of the coordinate frame that it is in.
+    frame_id: str
 
 
 class Sender:
@@ -41,16 +53,24 @@ class Sender:
         self._sink = _Sink()
         self._number = 0
 
-    def push(self, frame: Any) -> bytes:
+    def push(self, frame: Any, stamp_ns: int = 0, frame_id: str = "") -> bytes:
         """Encode a frame, of any kind that ``isv.Writer.push`` takes: a cloud, a mesh, a field.
+
+        Args:
+            frame: The frame.
+            stamp_ns: Its time (ns, 64 bits with a sign).
+            frame_id: Name of the coordinate frame that it is in, of 65,535 bytes at most.
 
         Returns:
             The message.
 
         Raises:
             TypeError: The frame is none of these.
-            ValueError: It cannot be used. The next frame begins a group.
+            ValueError: It cannot be used, and the next frame begins a group; or the time or the name is too long.
         """
+        name = frame_id.encode()
+        if len(name) > _LONGEST_NAME or not -(1 << 63) <= stamp_ns < 1 << 63:
+            raise ValueError("stamp_ns has 64 bits at most, and frame_id 65535 bytes")
         self._had_colors |= getattr(frame, "colors", None) is not None
         if self._writer is None or self._number == self._gop:
             self._begin()
@@ -60,7 +80,7 @@ class Sender:
         except Exception:
             self._writer = None
             raise
-        message = _PREFIX.pack(self._stream, self._number) + self._sink.take()
+        message = _PREFIX.pack(self._stream, self._number, stamp_ns, len(name)) + name + self._sink.take()
         self._number += 1
         return message
 
@@ -86,7 +106,7 @@ class Receiver:
         self._decoding: _Decoding | None = None
         self._next: tuple[int, int] | None = None
 
-    def push(self, message: bytes) -> list[isv.Frame]:
+    def push(self, message: bytes) -> list[Arrived]:
         """Decode a message.
 
         Args:
@@ -100,7 +120,8 @@ class Receiver:
         """
         if len(message) < _PREFIX.size:
             raise ValueError(f"a message has at least {_PREFIX.size} bytes, not {len(message)}")
-        stream, number = _PREFIX.unpack_from(message)
+        stream, number, stamp_ns, length = _PREFIX.unpack_from(message)
+        name, data = message[_PREFIX.size :][:length], message[_PREFIX.size + length :]
         if number == 0:
             self.close()
             self._decoding = _Decoding(self._options)
@@ -110,13 +131,14 @@ class Receiver:
         assert self._decoding is not None
         self._next = (stream, number + 1)
         try:
-            frames = self._decoding.feed(message[_PREFIX.size :])
+            frame_id = name.decode()
+            frames = self._decoding.feed(data)
             if not frames:
                 raise ValueError("a message that completes no frame: it was cut, or it is none")
         except Exception:
             self.close()
             raise
-        return frames
+        return [Arrived(frame, stamp_ns, frame_id) for frame in frames]
 
     def close(self) -> None:
         """Forget what came, until a group begins."""

@@ -12,7 +12,9 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import UInt8MultiArray
 
 from . import clouds
-from .messages import Receiver, Sender
+from .messages import Arrived, Receiver, Sender
+
+_SECOND_NS = 1_000_000_000
 
 
 class CloudSender(Node):
@@ -34,7 +36,9 @@ class CloudSender(Node):
     def _on_cloud(self, cloud: PointCloud2) -> None:
         try:
             positions, colours = clouds.to_arrays(cloud)
-            data = self._sender.push(isv.Points(positions, None, colours))
+            stamp = cloud.header.stamp
+            stamp_ns = stamp.sec * _SECOND_NS + stamp.nanosec
+            data = self._sender.push(isv.Points(positions, None, colours), stamp_ns, cloud.header.frame_id)
         except ValueError as error:
             self.get_logger().warning(f"cloud left out: {error}")
             return
@@ -42,12 +46,12 @@ class CloudSender(Node):
 
 
 class CloudReceiver(Node):
-    """Subscribes to ``isv``, publishes ``cloud``."""
+    """Subscribes to ``isv``, publishes ``cloud``: each with the stamp and the frame of the cloud that was sent."""
 
     def __init__(self) -> None:
         """Declare the parameters and connect the topics."""
         super().__init__("receive_cloud")
-        self._frame_id = self.declare_parameter("frame_id", "map").value
+        self._frame_id = self.declare_parameter("frame_id", "").value
         self._receiver = Receiver()
         self._publisher = self.create_publisher(PointCloud2, "cloud", 1)
         reliable = QoSProfile(depth=30, reliability=ReliabilityPolicy.RELIABLE)
@@ -55,21 +59,21 @@ class CloudReceiver(Node):
 
     def _on_message(self, message: UInt8MultiArray) -> None:
         try:
-            frames = self._receiver.push(bytes(message.data))
+            received = self._receiver.push(bytes(message.data))
         except ValueError as error:
             self.get_logger().warning(f"message left out: {error}")
             return
-        for frame in frames:
-            self._publish(frame)
+        for arrived in received:
+            self._publish(arrived)
 
-    def _publish(self, frame: isv.Frame) -> None:
-        points = frame.points()
+    def _publish(self, arrived: Arrived) -> None:
+        points = arrived.frame.points()
         # Y up becomes Z up again.
         positions = points.positions[:, [0, 2, 1]]
         positions[:, 1] *= -1
         cloud = PointCloud2()
-        cloud.header.frame_id = self._frame_id
-        cloud.header.stamp = self.get_clock().now().to_msg()
+        cloud.header.frame_id = self._frame_id or arrived.frame_id
+        cloud.header.stamp.sec, cloud.header.stamp.nanosec = divmod(arrived.stamp_ns, _SECOND_NS)
         cloud.height, cloud.width = 1, len(positions)
         cloud.fields = [
             PointField(name=name, offset=offset, datatype=datatype, count=count)

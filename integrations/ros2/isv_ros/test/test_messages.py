@@ -34,7 +34,7 @@ def test_a_group_that_begins_with_nothing_keeps_its_colours():
     nothing = np.zeros((0, 3), np.float32)
     for frame in (ball(0), ball(1), isv.Points(nothing, nothing), ball(3)):
         (arrived,) = receiver.push(sender.push(frame))
-    np.testing.assert_allclose(np.median(arrived.mesh().colors, axis=0), [200, 60, 20], atol=6)
+    np.testing.assert_allclose(np.median(arrived.frame.mesh().colors, axis=0), [200, 60, 20], atol=6)
 
 
 def test_frames_arrive_one_by_one():
@@ -42,7 +42,7 @@ def test_frames_arrive_one_by_one():
     for frame in range(10):
         message = sender.push(ball(frame))
         (arrived,) = receiver.push(message)
-        mesh = arrived.mesh()
+        mesh = arrived.frame.mesh()
         middle = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
         np.testing.assert_allclose(middle, [0.05 * frame, 0, 0], atol=0.02)
         np.testing.assert_allclose(np.median(mesh.colors, axis=0), [200, 60, 20], atol=6)
@@ -50,11 +50,25 @@ def test_frames_arrive_one_by_one():
     receiver.close()
 
 
+def test_each_frame_has_its_time_and_its_coordinate_frame():
+    sender, receiver = Sender(voxel=0.02, gop=2), Receiver()
+    said = [(0, ""), (1_700_000_000_123_456_789, "lidar"), (-1, "wieża/lidar"), (5, "x" * 65535)]
+    for frame, (stamp_ns, frame_id) in enumerate(said):
+        (arrived,) = receiver.push(sender.push(ball(frame), stamp_ns, frame_id))
+        assert (arrived.stamp_ns, arrived.frame_id) == (stamp_ns, frame_id)
+    for stamp_ns, frame_id in [(0, "x" * 65536), (1 << 63, "")]:
+        with pytest.raises(ValueError, match="at most"):
+            sender.push(ball(4), stamp_ns, frame_id)
+    (arrived,) = receiver.push(sender.push(ball(4), 6, "lidar"))
+    assert arrived.stamp_ns == 6, "what was refused has not ended the group"
+    receiver.close()
+
+
 def test_fields_arrive_too():
     sender, receiver = Sender(voxel=0.02), Receiver()
     for frame in range(3):
         (arrived,) = receiver.push(sender.push(field(frame)))
-        vertices = arrived.mesh().vertices
+        vertices = arrived.frame.mesh().vertices
         assert abs(np.linalg.norm(vertices - [0.01 * frame, 0, 0], axis=1).mean() - 0.18) < 0.004
     receiver.close()
 
@@ -77,7 +91,7 @@ def test_damaged_messages_are_refused_and_the_next_group_is_whole():
     with pytest.raises(ValueError):
         receiver.push(b"1234")
     with pytest.raises(ValueError):
-        receiver.push(messages[0][:8] + 100 * b"no stream at all")
+        receiver.push(messages[0][:18] + 100 * b"no stream at all")
     with pytest.raises(ValueError, match="completes no frame"):
         receiver.push(messages[0][:-20])
     assert receiver.push(messages[1]) == []
@@ -91,7 +105,7 @@ def test_a_frame_that_cannot_be_used_ends_its_group():
     with pytest.raises(ValueError):
         sender.push(isv.Points(np.full((10, 3), np.nan, np.float32)))
     (arrived,) = receiver.push(sender.push(ball(1)))
-    assert arrived.number == 0
+    assert arrived.frame.number == 0
     receiver.close()
 
 

@@ -2,6 +2,7 @@
 
 import sys
 from types import ModuleType, SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -23,8 +24,10 @@ class Node:
     def __init__(self, name):
         self.published, self.subscriptions, self.warnings, self.qualities = [], {}, [], {}
 
+    parameters: ClassVar = {"voxel": 0.02}
+
     def declare_parameter(self, name, value):
-        return SimpleNamespace(value={"voxel": 0.02}.get(name, value))
+        return SimpleNamespace(value=self.parameters.get(name, value))
 
     def create_publisher(self, kind, topic, quality):
         return SimpleNamespace(publish=self.published.append)
@@ -35,9 +38,6 @@ class Node:
 
     def get_logger(self):
         return SimpleNamespace(warning=self.warnings.append)
-
-    def get_clock(self):
-        return SimpleNamespace(now=lambda: SimpleNamespace(to_msg=lambda: "now"))
 
 
 @pytest.fixture
@@ -63,13 +63,21 @@ def nodes(monkeypatch):
 
 
 def cloud(positions, colours):
-    """A cloud as ROS has it."""
+    """A cloud as ROS has it, as it was seen 12.3 s after the beginning by the frame lidar."""
+    header = Message(stamp=Message(sec=12, nanosec=300_000_000), frame_id="lidar")
     fields = [Message(name=n, offset=o, datatype=d, count=c) for n, o, d, c in clouds.layout(colours is not None)]
     step = 4 * len(fields)
     count = len(positions)
     data = clouds.to_bytes(positions, colours)
     return Message(
-        fields=fields, height=1, width=count, point_step=step, row_step=step * count, is_bigendian=False, data=data
+        header=header,
+        fields=fields,
+        height=1,
+        width=count,
+        point_step=step,
+        row_step=step * count,
+        is_bigendian=False,
+        data=data,
     )
 
 
@@ -86,7 +94,20 @@ def test_a_cloud_comes_out_where_it_was_and_in_its_colours(nodes):
     found, colours = clouds.to_arrays(Message(**vars(received), is_bigendian=False))
     np.testing.assert_allclose((found.min(axis=0) + found.max(axis=0)) / 2, [1, 2, 3], atol=0.02)
     np.testing.assert_allclose(np.median(colours, axis=0), [20, 180, 60], atol=6)
+    header = received.header
+    assert (header.frame_id, header.stamp.sec, header.stamp.nanosec) == ("lidar", 12, 300_000_000)
     assert not sender.warnings and not receiver.warnings
+
+
+def test_a_receiver_can_name_another_frame(nodes, monkeypatch):
+    monkeypatch.setitem(Node.parameters, "frame_id", "odom")
+    sender, receiver = nodes.CloudSender(), nodes.CloudReceiver()
+    positions = np.random.default_rng(1).normal(size=(20_000, 3)).astype(np.float32)
+    positions /= np.linalg.norm(positions, axis=1)[:, None]
+    sender.subscriptions["cloud"](cloud(0.3 * positions, None))
+    receiver.subscriptions["isv"](*sender.published)
+    (received,) = receiver.published
+    assert received.header.frame_id == "odom"
 
 
 def test_what_cannot_be_used_is_a_warning(nodes):
