@@ -42,6 +42,9 @@ fn event_in_words(event: &Event) -> String {
         EncodeEvent::Capture { remark: Remark::WithoutPose { .. }, .. } => {
             "; --skip-bad-frames leaves them out"
         }
+        EncodeEvent::Capture { remark: Remark::StillAtFirst { frames, .. }, .. } => {
+            return format!("{event}; --frames {frames}.. leaves them out");
+        }
         EncodeEvent::VoxelFits { .. } => "; --voxel overrules",
         EncodeEvent::Sides { sides, .. } => advice_on_sides(*sides),
         EncodeEvent::ViewpointUnused { name } => {

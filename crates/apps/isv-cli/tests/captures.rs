@@ -3,7 +3,7 @@
 mod support;
 
 use isv::raw::io::{Animation, Unit};
-use isv_testfiles::gltf::of_several_animations;
+use isv_testfiles::gltf::{of_animations_from, of_several_animations};
 use isv_testkit::capture;
 use serde_json::Value;
 use std::fs;
@@ -47,6 +47,18 @@ fn one_glb_holds_an_animation() {
     assert!(distance < 3.0, "{distance} mm after being coded twice");
 }
 
+/// Many programs count the frames of a scene from 1001, and leave the time before in the file.
+#[test]
+fn an_animation_that_begins_late_is_said_to_stand_still_until_then() {
+    let work = Workspace::new();
+    fs::write(work.path("film.glb"), of_animations_from(40.0)).unwrap();
+    let encode =
+        ["encode", "film.glb", "-o", "film.isv", "--voxel", "20mm", "--fps", "25", "--frames", "0..3"];
+    let run = work.isv(&encode).done();
+    let words = "nothing moves in the first 40.0 s, which are 1000 frames; --frames 1000.. leaves them out";
+    assert!(run.stderr().contains(words), "{}", run.stderr());
+}
+
 #[test]
 fn an_animation_of_a_file_is_chosen_by_name_or_number() {
     let work = Workspace::new();
@@ -60,6 +72,7 @@ fn an_animation_of_a_file_is_chosen_by_name_or_number() {
     assert!(first.stderr().contains("animation walk is taken; the others are 0, jump"), "{}", first.stderr());
     let run = encode("jump.isv", &["--animation", "jump"]);
     assert!(run.stderr().contains("animation jump is taken; the others are 0, walk"), "{}", run.stderr());
+    assert!(!run.stderr().contains("nothing moves"), "{}", run.stderr());
     encode("walk.isv", &["--animation", "walk"]);
     encode("second.isv", &["--animation", "1"]);
     let [first, walk, second, jump] =

@@ -250,9 +250,15 @@ pub const MORPH_SPLINE: [f32; 12] = [9.0, 9.0, 0.0, 0.0, 8.0, 0.0, 0.0, 0.0, 0.0
 /// node above that of the triangle by 6, the third, "jump", that one by 12.
 #[must_use]
 pub fn of_several_animations() -> Vec<u8> {
+    of_animations_from(0.0)
+}
+
+/// The same file with animations that begin at a time (s).
+#[must_use]
+pub fn of_animations_from(begin_s: f32) -> Vec<u8> {
     let mut data = Data::default();
     let positions = data.floats("VEC3", &TRIANGLE);
-    let times = data.times(&[0.0, 2.0]);
+    let times = data.times(&[begin_s, begin_s + 2.0]);
     let mut clip = |name: &str, node: usize, height: f32| {
         let path = data.floats("VEC3", &[[0.0; 3], [0.0, 0.0, height]]);
         json!({ "name": name,

@@ -4,7 +4,7 @@ use glam::DVec3;
 use isv_io::{Animation, GltfFault, Malformation, ReadError, Unit, parse_mesh, read_mesh};
 use isv_testfiles::gltf::{
     Data, MORPH_SPLINE, TRIANGLE, below_ancestors, chunks, container, embedded, morphed, of_all_primitives,
-    of_several_animations, skinned, strided_and_sparse, triangle_shown_by,
+    of_animations_from, of_several_animations, skinned, strided_and_sparse, triangle_shown_by,
 };
 use isv_volume::TriangleMesh;
 use proptest::prelude::*;
@@ -146,7 +146,15 @@ fn another_animation_can_be_asked_for_and_what_moves_nothing_is_at_rest() {
     for (moving, height) in [(1, 3.0), (2, 6.0)] {
         film.select(moving).unwrap();
         assert_eq!((film.duration_s(), film.mesh_at(1.0).unwrap().vertices[0].z), (2.0, height));
+        assert_eq!(film.start_s(), 0.0);
     }
+    let mut late = animation(&of_animations_from(5.0)).unwrap();
+    assert_eq!(late.start_s(), 0.0, "what moves nothing has no beginning");
+    late.select(1).unwrap();
+    assert_eq!(
+        (late.start_s(), late.duration_s(), late.mesh_at(6.0).unwrap().vertices[0].z),
+        (5.0, 7.0, 3.0)
+    );
     let error = film.select(3).unwrap_err().to_string();
     assert_eq!(error, "a.glb: animation 3 asked for, but there are 3 (animation 3)");
 }

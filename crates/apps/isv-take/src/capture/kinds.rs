@@ -169,14 +169,18 @@ impl Kind {
                 let taken = (!size_is_known).then_some(taken);
                 taken.into_iter().chain(notes.iter().cloned().map(Remark::Note)).collect()
             }
-            Self::Animation { animation, playing, .. } if animation.names().len() > 1 => {
+            Self::Animation { animation, playing, frame_rate } => {
                 let mut names = animation.names().enumerate().map(|(number, name)| label(number, name));
                 let taken = names.nth(*playing).unwrap_or_default();
                 let others = animation.names().enumerate().filter(|(number, _)| number != playing);
-                vec![Remark::Animations {
-                    taken,
-                    others: others.map(|(number, name)| label(number, name)).collect(),
-                }]
+                let others: Vec<_> = others.map(|(number, name)| label(number, name)).collect();
+                let still_s = animation.start_s();
+                let still = (still_s >= STILL_S).then(|| Remark::StillAtFirst {
+                    seconds: still_s,
+                    frames: (still_s * frame_rate.per_second()) as u64,
+                });
+                let taken = (!others.is_empty()).then_some(Remark::Animations { taken, others });
+                taken.into_iter().chain(still).collect()
             }
             _ => Vec::new(),
         }
@@ -321,6 +325,13 @@ pub enum Remark {
         /// The others.
         others: Vec<String>,
     },
+    /// An animation in which nothing moves at first, as that of a scene whose frames count from 1001.
+    StillAtFirst {
+        /// Time until it begins (s).
+        seconds: f64,
+        /// Frames until then.
+        frames: u64,
+    },
     /// Number of depth images without a pose close in time.
     DepthSkipped(usize),
     /// Images are undistorted.
@@ -354,6 +365,9 @@ pub enum Remark {
     Saturation(Saturation),
 }
 
+/// Time (s) that an animation may stand still at first before it is worth a word.
+const STILL_S: f64 = 1.0;
+
 /// A sentence without the names of flags.
 impl fmt::Display for Remark {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -363,6 +377,9 @@ impl fmt::Display for Remark {
             Self::VoxelTaken(voxel) => write!(f, "does not say how large a voxel is: taken as {voxel}"),
             Self::Animations { taken, others } => {
                 write!(f, "animation {taken} is taken; the others are {}", listed(others))
+            }
+            Self::StillAtFirst { seconds, frames } => {
+                write!(f, "nothing moves in the first {seconds:.1} s, which are {frames} frames")
             }
             Self::DepthSkipped(count) => write!(
                 f,

@@ -158,7 +158,11 @@ impl EncodeEvent {
             Self::Sides { sides, .. } => !sides.is_usable(),
             Self::Capture { remark, .. } => !matches!(
                 remark,
-                Remark::Note(_) | Remark::Animations { .. } | Remark::Undistorted | Remark::TimeUnit { .. }
+                Remark::Note(_)
+                    | Remark::Animations { .. }
+                    | Remark::StillAtFirst { .. }
+                    | Remark::Undistorted
+                    | Remark::TimeUnit { .. }
             ),
             _ => true,
         }

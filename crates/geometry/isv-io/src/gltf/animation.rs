@@ -153,6 +153,12 @@ impl Animation {
         self.channels().iter().fold(0.0, |end, channel| channel.curve.end_s().max(end))
     }
 
+    /// Time of the first keyframe that moves a triangle, in seconds; 0 at rest. All is still before it.
+    #[must_use]
+    pub fn start_s(&self) -> f64 {
+        self.channels().iter().map(|channel| channel.curve.start_s()).reduce(f64::min).unwrap_or(0.0)
+    }
+
     /// Number of frames at `fps` frames a second: those that start before the end, or one if nothing moves.
     /// The first is at time 0, frame `i` at `i / fps`. The pose of the very end is not among them, even if it
     /// falls on a frame. Where an animation is made to repeat it is the first again.

@@ -76,6 +76,11 @@ impl Curve {
         Ok(curve)
     }
 
+    /// Time of the first key, in seconds.
+    pub(super) fn start_s(&self) -> f64 {
+        self.times.first().map_or(0.0, |t| f64::from(*t))
+    }
+
     /// Time of the last key, in seconds.
     pub(super) fn end_s(&self) -> f64 {
         self.times.last().map_or(0.0, |t| f64::from(*t))
