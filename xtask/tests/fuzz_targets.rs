@@ -47,7 +47,7 @@ fn read_corpus(random: &mut SplitMix64, into: &mut Inputs) -> bool {
     let mut archive = tar::Archive::new(unpack.stdout.take().unwrap());
     for entry in archive.entries().unwrap() {
         let mut entry = entry.unwrap();
-        if !entry.header().entry_type().is_file() || random.next_u64() % SHARE != 0 {
+        if !entry.header().entry_type().is_file() || !random.next_u64().is_multiple_of(SHARE) {
             continue;
         }
         let path = entry.path().unwrap().into_owned();

@@ -153,7 +153,7 @@ fn settings(fields: &mut Fields) -> EncoderSettings {
         kind => MotionMode::Fixed(Prediction::ALL[usize::from(kind)]),
     };
     let kind = fields.u8();
-    let preset = if kind % 16 == 0 { Preset::Archive } else { Preset::Realtime };
+    let preset = if kind.is_multiple_of(16) { Preset::Archive } else { Preset::Realtime };
     let refresh = if kind & 16 == 0 { Refresh::Keyframes } else { Refresh::Gradual };
     let tools = fields.u8();
     let used = |tool: u8| tools >> tool & 1 == 0;

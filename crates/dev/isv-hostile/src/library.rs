@@ -134,9 +134,9 @@ fn mesh(script: &mut Script) -> Mesh {
 
 fn points(script: &mut Script) -> Points {
     let positions = script.list(Script::place);
-    let normals = if script.byte() % 2 == 0 { Vec::new() } else { script.list(Script::place) };
-    let viewpoint = (script.byte() % 3 == 0).then(|| script.place());
-    let colours = if script.byte() % 2 == 0 { Vec::new() } else { script.list(colour) };
+    let normals = if script.byte().is_multiple_of(2) { Vec::new() } else { script.list(Script::place) };
+    let viewpoint = script.byte().is_multiple_of(3).then(|| script.place());
+    let colours = if script.byte().is_multiple_of(2) { Vec::new() } else { script.list(colour) };
     Points { positions, normals, colours, viewpoint }
 }
 
@@ -160,7 +160,7 @@ fn colours_of(view: &DepthView, script: &mut Script) -> ColourView {
     let DepthView { width, height, principal, camera_to_world, .. } = *view;
     let focal = [view.focal[0], if script.byte() == 5 { script.number() } else { view.focal[1] }];
     let colours = (0..48 - u32::from(script.byte() == 9)).map(|_| colour(script)).collect();
-    let depth_view = (script.byte() % 2 == 0).then(|| usize::from(script.byte() % 3));
+    let depth_view = script.byte().is_multiple_of(2).then(|| usize::from(script.byte() % 3));
     ColourView { width, height, focal, principal, camera_to_world, colours, depth_view }
 }
 
