@@ -429,7 +429,9 @@ fn coloured_frames_that_cannot_be_used_are_errors() {
     for points in [
         Points { positions: vec![[f32::NAN; 3]; 8], ..points.clone() },
         Points { colours: vec![[9; 3]; 3], ..points.clone() },
-        Points { normals: vec![[0.0, 1.0, 0.0]; 3], ..points },
+        Points { normals: vec![[0.0, 1.0, 0.0]; 3], ..points.clone() },
+        // More than there are, with normals, so that none are estimated.
+        Points { normals: vec![[0.0, 1.0, 0.0]; 8], colours: vec![[9; 3]; 9], ..points },
     ] {
         assert_eq!(kind(Writer::new(Vec::new(), &options()).unwrap().push_points(&points)), ErrorKind::Frame);
     }

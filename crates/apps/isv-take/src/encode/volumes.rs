@@ -305,6 +305,7 @@ impl VolumeMaker {
         if self.mesh_sign.is_some() {
             return Err(FrameError::PointsAmongMeshes { name: name.to_owned() });
         }
+        cloud.validate().map_err(|cause| self.ingest_error(name, cause.into(), None))?;
         let (cloud, sides) = self.with_normals(name, cloud)?;
         if self.colour_spacing_m.is_some() {
             self.colours = point_colours(&cloud);
