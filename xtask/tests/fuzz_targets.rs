@@ -1,5 +1,5 @@
-//! Fuzz targets hold for what campaigns kept, for what once crashed them, and for some changes of it. libFuzzer, which looks at what an
-//! input reaches, finds more (`fuzz/run`); but its programs take a build of their own.
+//! Fuzz targets hold for what campaigns kept, for what once crashed them, and for some changes of it.
+//! A fuzzer looks at what an input reaches and finds more (`fuzz/run`). But its programs take a build of their own.
 
 use isv::raw::volume::SplitMix64;
 use isv_hostile::{TARGETS, Target};
@@ -13,7 +13,7 @@ use std::sync::Mutex;
 use std::time::{SystemTime, UNIX_EPOCH};
 use std::{env, fs, thread};
 
-/// One of so many inputs of a target is tried, beside the seeds and what once crashed it. Another one each time.
+/// One of so many inputs of a target is tried, another one each time, beside the seeds and what once crashed it.
 const SHARE: u64 = 16;
 /// Changed inputs that are tried for each one, and of a target that has few inputs so many in all.
 const CHANGED: usize = 2;
@@ -60,7 +60,7 @@ fn read_corpus(random: &mut SplitMix64, into: &mut Inputs) -> bool {
     true
 }
 
-/// Changes bytes at a few places, as libFuzzer does: one bit, one byte, a number in digits; some left out, put in, or copied from elsewhere.
+/// Changes bytes at a few places, as libFuzzer does: a bit, a byte, or a digit. Some bytes are left out, put in, or copied from elsewhere.
 fn change(random: &mut SplitMix64, data: &mut [u8], size: usize, most: usize) -> usize {
     let mut bytes = data[..size].to_vec();
     for _ in 0..1 + random.next_u64() % 4 {

@@ -9,8 +9,8 @@ use isv::raw::format::{
     FrameCoding, FrameKind, FramePayload, MainFrameHeader, Packet, PacketKind, Prediction, SlicePayload,
 };
 
-/// Changes bytes of no known form: so many at the beginning of a buffer, to at most as many as the last argument; how many it leaves.
-/// libFuzzer has one, `fuzzer_mutate`.
+/// Function that changes bytes of no known form. It gets a buffer, how many bytes of it there are, and how many there may be. It returns
+/// how many it has left. libFuzzer has one, `fuzzer_mutate`.
 pub type Change<'a> = dyn FnMut(&mut [u8], usize, usize) -> usize + 'a;
 
 /// Changes an input, as [`crate::Target::mutate`].

@@ -253,7 +253,7 @@ pub fn of_several_animations() -> Vec<u8> {
     of_animations_from(0.0)
 }
 
-/// The same file with animations that begin at a time (s).
+/// A triangle with the animations of [`of_several_animations`], which begin at a time (s).
 #[must_use]
 pub fn of_animations_from(begin_s: f32) -> Vec<u8> {
     let mut data = Data::default();
