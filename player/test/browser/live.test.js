@@ -88,7 +88,10 @@ describe('a live stream', { skip }, () => {
       // The address alone opens the only stream there is.
       const { page } = await opened(browser, new URL('/', live.url).href);
       const [first, ...rest] = packetsOf(stream);
-      live.stdin.write(Buffer.concat([stream.subarray(0, 48), first]));
+      live.stdin.write(stream.subarray(0, 48));
+      // Who comes after a keyframe waits for the next one.
+      await page.waitForFunction(() => /** @type {any} */ (globalThis).isv.players[0]?.facts);
+      live.stdin.write(first);
       await page.waitForFunction(() => /** @type {any} */ (globalThis).isv.players[0]?.shown);
       live.stdin.end(Buffer.concat(rest.slice(0, 3)));
       await page.locator('#messages', { hasText: 'The stream has ended' }).waitFor();
