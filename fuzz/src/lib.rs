@@ -14,7 +14,18 @@ macro_rules! run {
 
         libfuzzer_sys::fuzz_mutator!(|data: &mut [u8], size: usize, max_size: usize, seed: u32| {
             let target = $crate::isv_hostile::target($name);
-            target.mutate(data, size, max_size, seed, &mut libfuzzer_sys::fuzzer_mutate)
+            if target.mutator.is_none() {
+                return libfuzzer_sys::fuzzer_mutate(data, size, max_size);
+            }
+            let changed = target.mutate(&data[..size], max_size, seed, &mut |bytes: &[u8], most| {
+                let mut out = bytes.to_vec();
+                out.resize(most.max(bytes.len()), 0);
+                let length = libfuzzer_sys::fuzzer_mutate(&mut out, bytes.len(), most);
+                out.truncate(length);
+                out
+            });
+            data[..changed.len()].copy_from_slice(&changed);
+            changed.len()
         });
     };
 }

@@ -61,8 +61,8 @@ fn read_corpus(random: &mut SplitMix64, into: &mut Inputs) -> bool {
 }
 
 /// Changes bytes at a few places, as libFuzzer does: a bit, a byte, or a digit. Some bytes are left out, put in, or copied from elsewhere.
-fn change(random: &mut SplitMix64, data: &mut [u8], size: usize, most: usize) -> usize {
-    let mut bytes = data[..size].to_vec();
+fn change(random: &mut SplitMix64, bytes: &[u8], most: usize) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
     for _ in 0..1 + random.next_u64() % 4 {
         let mut below = |end: usize| (random.next_u64() % end.max(1) as u64) as usize;
         let (at, from) = (below(bytes.len()), below(bytes.len()));
@@ -84,9 +84,8 @@ fn change(random: &mut SplitMix64, data: &mut [u8], size: usize, most: usize) ->
             _ => drop(bytes.splice(at..at, std::iter::repeat_n(value, count))),
         }
     }
-    let length = bytes.len().min(most);
-    data[..length].copy_from_slice(&bytes[..length]);
-    length
+    bytes.truncate(most);
+    bytes
 }
 
 /// Tries an input. One that breaks something is kept.
@@ -105,13 +104,9 @@ fn try_inputs(target: &Target, inputs: &[Vec<u8>], random: &mut SplitMix64) -> R
     for bytes in inputs {
         try_input(target, bytes)?;
         for _ in 0..changed {
-            let most = bytes.len() + GROWTH;
-            let mut data = bytes.clone();
-            data.resize(most, 0);
             let seed = random.next_u64() as u32;
-            let mut change = |data: &mut [u8], size, most| change(random, data, size, most);
-            let length = target.mutate(&mut data, bytes.len(), most, seed, &mut change);
-            try_input(target, &data[..length])?;
+            let mut change = |bytes: &[u8], most| change(random, bytes, most);
+            try_input(target, &target.mutate(bytes, bytes.len() + GROWTH, seed, &mut change))?;
         }
     }
     Ok(inputs.len() * (1 + changed))

@@ -20,7 +20,7 @@ mod sealing;
 mod stream;
 mod targets;
 
-pub use mutators::Change;
+pub use mutators::{Change, Mutator};
 pub use targets::{TARGETS, Target, target};
 
 /// Has all parallel loops of the process run on the thread that calls this. What is done for an input then

@@ -9,81 +9,45 @@ use isv::raw::format::{
     FrameCoding, FrameKind, FramePayload, MainFrameHeader, Packet, PacketKind, Prediction, SlicePayload,
 };
 
-/// Function that changes bytes of no known form. It gets a buffer, how many bytes of it there are, and how many there may be. It returns
-/// how many it has left. libFuzzer has one, `fuzzer_mutate`.
-pub type Change<'a> = dyn FnMut(&mut [u8], usize, usize) -> usize + 'a;
+/// Function that changes bytes of no known form: to at most so many.
+pub type Change<'a> = dyn FnMut(&[u8], usize) -> Vec<u8> + 'a;
 
-/// Changes an input, as [`crate::Target::mutate`].
-pub(crate) type Mutator = fn(&mut [u8], usize, usize, u32, &mut Change<'_>) -> usize;
+/// Function that changes an input so that more of it is read: to at most so many bytes, and otherwise as the number says.
+pub type Mutator = fn(&[u8], usize, u32, &mut Change<'_>) -> Vec<u8>;
 
 /// Changes the payload of one packet.
-pub(crate) fn payload(
-    data: &mut [u8],
-    size: usize,
-    max_size: usize,
-    seed: u32,
-    change: &mut Change<'_>,
-) -> usize {
+pub(crate) fn payload(stream: &[u8], most: usize, seed: u32, change: &mut Change<'_>) -> Vec<u8> {
     let mut choices = Choices(seed);
-    let stream = &data[..size];
     let Some(place) = choices.one_of(&payloads(stream)).cloned() else {
-        return change(data, size, max_size);
+        return change(stream, most);
     };
-    let payload = mutated(&stream[place.clone()], max_size.saturating_sub(size), change);
-    write(data, max_size, &replace_payload(stream, &place, &payload))
+    let payload = mutated(&stream[place.clone()], most.saturating_sub(stream.len()), change);
+    replace_payload(stream, &place, &payload)
 }
 
 /// Changes one segment of one frame, or one field of its header.
-pub(crate) fn syntax(
-    data: &mut [u8],
-    size: usize,
-    max_size: usize,
-    seed: u32,
-    change: &mut Change<'_>,
-) -> usize {
-    let changed = change_syntax(&data[..size], max_size, Choices(seed), change);
-    match changed {
-        Some(stream) => write(data, max_size, &stream),
-        None => payload(data, size, max_size, seed, change),
-    }
+pub(crate) fn syntax(stream: &[u8], most: usize, seed: u32, change: &mut Change<'_>) -> Vec<u8> {
+    change_syntax(stream, most, Choices(seed), change).unwrap_or_else(|| payload(stream, most, seed, change))
 }
 
 /// Changes a stream in any of the ways.
-pub(crate) fn any(
-    data: &mut [u8],
-    size: usize,
-    max_size: usize,
-    seed: u32,
-    change: &mut Change<'_>,
-) -> usize {
+pub(crate) fn any(stream: &[u8], most: usize, seed: u32, change: &mut Change<'_>) -> Vec<u8> {
     match seed % 8 {
-        0 => change(data, size, max_size),
-        1 => payload(data, size, max_size, seed / 8, change),
-        _ => syntax(data, size, max_size, seed / 8, change),
+        0 => change(stream, most),
+        1 => payload(stream, most, seed / 8, change),
+        _ => syntax(stream, most, seed / 8, change),
     }
 }
 
 /// Bytes that are changed, and at most `room` more of them.
 fn mutated(bytes: &[u8], room: usize, change: &mut Change<'_>) -> Vec<u8> {
-    let mut out = bytes.to_vec();
-    out.resize(bytes.len() + room.max(1), 0);
-    let most = out.len();
-    let length = change(&mut out, bytes.len(), most);
-    out.truncate(length);
-    out
-}
-
-/// The result of a mutator: it is cut at `max_size`.
-fn write(data: &mut [u8], max_size: usize, stream: &[u8]) -> usize {
-    let length = stream.len().min(max_size).min(data.len());
-    data[..length].copy_from_slice(&stream[..length]);
-    length
+    change(bytes, bytes.len() + room.max(1))
 }
 
 /// `None` if the stream, or the payload that is chosen, is not well formed enough.
 fn change_syntax(
     bytes: &[u8],
-    max_size: usize,
+    most: usize,
     mut choices: Choices,
     change: &mut Change<'_>,
 ) -> Option<Vec<u8>> {
@@ -96,7 +60,7 @@ fn change_syntax(
     let geometry = packet.geometry().ok()?;
     let colour = &packet.payload[geometry.len()..];
     let mut payload = FramePayload::parse(geometry, 0, hashed, &header.profile).ok()?;
-    let room = max_size.saturating_sub(bytes.len());
+    let room = most.saturating_sub(bytes.len());
     if choices.below(8) == 0 {
         change_field(&mut payload, &mut choices);
         return Some(replace_payload(bytes, &place, &[&payload.to_bytes(), colour].concat()));

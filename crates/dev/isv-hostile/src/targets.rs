@@ -15,7 +15,7 @@ pub struct Target {
     /// Does what it does with bytes; panics where something does not hold.
     pub run: fn(&[u8]),
     /// Changes an input so that more of it is read. Without one, bytes are changed anywhere.
-    mutator: Option<Mutator>,
+    pub mutator: Option<Mutator>,
 }
 
 impl Target {
@@ -27,20 +27,15 @@ impl Target {
         Self { name, run, mutator: Some(mutator) }
     }
 
-    /// Changes an input of `size` bytes at the beginning of `data`, as `seed` says; at most `max_size` bytes, which is the result.
-    /// `change` does so with bytes of no known form.
-    pub fn mutate(
-        &self,
-        data: &mut [u8],
-        size: usize,
-        max_size: usize,
-        seed: u32,
-        change: &mut Change<'_>,
-    ) -> usize {
-        match self.mutator {
-            Some(mutator) => mutator(data, size, max_size, seed, change),
-            None => change(data, size, max_size),
-        }
+    /// Changes an input to at most so many bytes, as a number says; `change` does so with bytes of no known form.
+    #[must_use]
+    pub fn mutate(&self, bytes: &[u8], most: usize, seed: u32, change: &mut Change<'_>) -> Vec<u8> {
+        let mut changed = match self.mutator {
+            Some(mutator) => mutator(bytes, most, seed, change),
+            None => change(bytes, most),
+        };
+        changed.truncate(most);
+        changed
     }
 }
 
